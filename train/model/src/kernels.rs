@@ -1,0 +1,20 @@
+//! The operations that decide how long a training update takes on a CPU, each as one function on Burn tensors.
+//!
+//! In: pixels, weights, gate inputs, parameters with their gradients. Out: features, hidden states, updated parameters; all
+//! differentiable through Burn's autodiff where that makes sense.
+//!
+//! A tensor's device decides how a function runs. On `flex` it is a custom operation with a hand-written backward pass
+//! ([`convolution`], [`recurrence`]); on every other device it is the composition of ordinary Burn operations in [`plain`],
+//! which is also what the tests compare against. The numbers agree up to float32 rounding.
+//!
+//! The fast path is float32 throughout. It picks its instructions when the program runs (AVX-512, AVX2 with FMA, or what
+//! every machine has), and its result does not depend on the number of threads.
+
+pub mod adam;
+mod convolution;
+pub mod plain;
+mod recurrence;
+
+pub use adam::{Adam, Moments};
+pub use convolution::{ConvLayer, feature_count, features, pixel_tensor};
+pub use recurrence::gru;

@@ -1,0 +1,182 @@
+//! All layers, forward and backward, over all frames.
+//!
+//! In: bytes, weights, and for the backward pass the kept activations and the features' gradient. Out: features with activations; gradients in Burn's order.
+//!
+//! Frames are worked on a few at a time through several layers, so that what passes between layers stays in the core's own cache.
+//! Work is split over cores by frames in fixed shares, and sums are added in a fixed order: the result does not depend on how many cores there are.
+
+use rayon::prelude::*;
+
+use super::geometry::{Layer, Planes};
+use super::{pixels, weights, winograd};
+use crate::kernels::{instructions::Instructions, memory::Buffer};
+
+/// Frames of one piece of forward work.
+const CHUNK: usize = 32;
+/// Shares of the backward pass, each with its own sums of weight gradients.
+const SHARES: usize = 8;
+
+/// One layer's weight `[out, in, 4, 4]` and bias.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Weights<'a> {
+    pub(super) weight: &'a [f32],
+    pub(super) bias: &'a [f32],
+}
+
+/// Gradients of one layer, in the order of [`Weights`].
+#[derive(Debug)]
+pub(super) struct Gradients {
+    pub(super) weight: Vec<f32>,
+    pub(super) bias: Vec<f32>,
+}
+
+/// The convolutions of one image size.
+#[derive(Clone, Debug)]
+pub(super) struct Stack {
+    pub(super) layers: Vec<Layer>,
+    pub(super) instructions: Instructions,
+}
+
+impl Stack {
+    fn frame_bytes(&self) -> usize {
+        self.layers[0].input[0] * self.layers[0].input[1] * pixels::COLORS
+    }
+
+    /// Frames at which a layer is most efficient: enough rows for full tiles, few enough to stay in cache.
+    fn block(&self, layer: usize) -> usize {
+        let layer = &self.layers[layer];
+        let [k, n] = layer.product();
+        let frame = winograd::PRODUCTS * layer.tiles() * (k + n);
+        (256 * 1024 / frame).clamp(1, 64)
+    }
+
+    /// Activations of every layer, `[frames, height, width, stride]` each.
+    pub(super) fn forward(&self, bytes: &[u8], given: &[Weights<'_>]) -> Vec<Buffer> {
+        let frames = bytes.len() / self.frame_bytes();
+        let planes = self.planes(given, false);
+        let mut kept: Vec<Buffer> = self.layers.iter().map(|layer| Buffer::stale(frames * layer.output_len())).collect();
+        let mut work: Vec<(&[u8], Vec<&mut [f32]>)> =
+            bytes.chunks(CHUNK * self.frame_bytes()).map(|bytes| (bytes, Vec::new())).collect();
+        for (layer, kept) in self.layers.iter().zip(&mut kept) {
+            for ((_, outputs), kept) in work.iter_mut().zip(kept.chunks_mut(CHUNK * layer.output_len())) {
+                outputs.push(kept);
+            }
+        }
+        work.into_par_iter().for_each(|(bytes, mut outputs)| {
+            let frames = bytes.len() / self.frame_bytes();
+            self.forward_to(self.layers.len() - 1, [0, frames], bytes, &mut outputs, &planes);
+        });
+        kept
+    }
+
+    /// Fills the outputs of `top` and all layers below it for the frames `[from, to]`.
+    fn forward_to(&self, top: usize, [from, to]: [usize; 2], bytes: &[u8], outputs: &mut [&mut [f32]], planes: &[Planes]) {
+        let layer = &self.layers[top];
+        let (below, output) = outputs.split_at_mut(top);
+        let output = &mut output[0][..];
+        if top == 0 {
+            let bytes = &bytes[from * self.frame_bytes()..to * self.frame_bytes()];
+            let output = &mut output[from * layer.output_len()..to * layer.output_len()];
+            return pixels::forward(layer, bytes, &planes[0], output, self.instructions);
+        }
+        for start in (from..to).step_by(self.block(top)) {
+            let end = to.min(start + self.block(top));
+            self.forward_to(top - 1, [start, end], bytes, below, planes);
+            let input = &below[top - 1][start * layer.input_len()..end * layer.input_len()];
+            let output = &mut output[start * layer.output_len()..end * layer.output_len()];
+            winograd::forward(layer, end - start, input, &planes[top], output, self.instructions);
+        }
+    }
+
+    /// Gradients of all weights, from the gradient of the last activations (padded like them).
+    pub(super) fn backward(&self, bytes: &[u8], given: &[Weights<'_>], kept: &[Buffer], gradient: &[f32]) -> Vec<Gradients> {
+        let frames = bytes.len() / self.frame_bytes();
+        let planes = self.planes(given, true);
+        let share = frames.div_ceil(SHARES);
+        let starts: Vec<usize> = (0..frames).step_by(share.max(1)).collect();
+        let last = self.layers.len() - 1;
+        let width = self.layers[last].output_len();
+        let shares: Vec<Vec<Planes>> = starts
+            .into_par_iter()
+            .map(|start| {
+                let end = frames.min(start + share);
+                let mut sums = self.sums();
+                let gradient = &gradient[start * width..end * width];
+                self.backward_from(last, [start, end], bytes, kept, gradient, &planes, &mut sums);
+                sums
+            })
+            .collect();
+        let sums = self.add(shares);
+        self.layers.iter().zip(&sums).enumerate().map(|(index, (layer, sums))| gradients(index, layer, sums)).collect()
+    }
+
+    /// Adds the gradients of `top` and all layers below it for the frames `[from, to]`; `gradient` is theirs alone.
+    fn backward_from(
+        &self,
+        top: usize,
+        [from, to]: [usize; 2],
+        bytes: &[u8],
+        kept: &[Buffer],
+        gradient: &[f32],
+        planes: &[Planes],
+        sums: &mut [Planes],
+    ) {
+        let layer = &self.layers[top];
+        let width = layer.output_len();
+        if top == 0 {
+            let bytes = &bytes[from * self.frame_bytes()..to * self.frame_bytes()];
+            let output = &kept[0][from * width..to * width];
+            return pixels::backward(layer, bytes, output, gradient, &mut sums[0], self.instructions);
+        }
+        let mut below = Buffer::stale(self.block(top) * layer.input_len());
+        for start in (from..to).step_by(self.block(top)) {
+            let end = to.min(start + self.block(top));
+            let input = &kept[top - 1][start * layer.input_len()..end * layer.input_len()];
+            let output = &kept[top][start * width..end * width];
+            let gradient = &gradient[(start - from) * width..(end - from) * width];
+            let below = &mut below[..input.len()];
+            let activations = [input, output];
+            winograd::backward(layer, end - start, activations, gradient, &planes[top], &mut sums[top], below, self.instructions);
+            self.backward_from(top - 1, [start, end], bytes, kept, below, planes, sums);
+        }
+    }
+
+    fn planes(&self, given: &[Weights<'_>], turned: bool) -> Vec<Planes> {
+        let layers = self.layers.iter().zip(given).enumerate();
+        layers
+            .map(|(index, (layer, Weights { weight, bias }))| match index {
+                0 => weights::pixel_planes(layer, weight, bias),
+                _ => weights::planes(layer, weight, bias, turned),
+            })
+            .collect()
+    }
+
+    fn sums(&self) -> Vec<Planes> {
+        let layers = self.layers.iter().enumerate();
+        layers.map(|(index, layer)| if index == 0 { weights::pixel_sums(layer) } else { weights::sums(layer) }).collect()
+    }
+
+    /// Sums of all shares, in their order.
+    fn add(&self, shares: Vec<Vec<Planes>>) -> Vec<Planes> {
+        let mut shares = shares.into_iter();
+        let mut total = shares.next().unwrap_or_else(|| self.sums());
+        for share in shares {
+            for (total, share) in total.iter_mut().zip(&share) {
+                add_to(&mut total.bias, &share.bias);
+                total.weights.par_chunks_mut(1 << 14).zip(share.weights.par_chunks(1 << 14)).for_each(|(total, share)| add_to(total, share));
+            }
+        }
+        total
+    }
+}
+
+fn add_to(total: &mut [f32], share: &[f32]) {
+    for (total, share) in total.iter_mut().zip(share) {
+        *total += share;
+    }
+}
+
+fn gradients(index: usize, layer: &Layer, sums: &Planes) -> Gradients {
+    let weight = if index == 0 { weights::pixel_gradient(layer, sums) } else { weights::gradient(layer, sums) };
+    Gradients { weight, bias: sums.bias[..layer.out_channels].to_vec() }
+}

@@ -1,0 +1,55 @@
+//! The same operations as ordinary Burn tensor operations: what every backend but `flex` runs, and what the kernels are tested against.
+//!
+//! In and out: as the functions of the same name in [`kernels`](super).
+
+use burn::tensor::{Int, Tensor, activation, module::conv2d, ops::ConvOptions};
+
+use super::ConvLayer;
+
+/// Convolutional features of pixels, as [`features`](super::features) defines them.
+pub fn features(pixels: Tensor<4, Int>, layers: &[ConvLayer]) -> Tensor<2> {
+    let x = pixels.float().permute([0, 3, 1, 2]) / 255.0 - 0.5;
+    let y = layers.iter().fold(x, |x, layer| {
+        let options = ConvOptions::new([2, 2], [0, 0], [1, 1], 1);
+        activation::relu(conv2d(
+            x,
+            layer.weight.clone(),
+            Some(layer.bias.clone()),
+            options,
+        ))
+    });
+    y.permute([0, 2, 3, 1]).flatten(1, 3)
+}
+
+/// Hidden states of a GRU, as [`gru`](super::gru) defines them.
+pub fn gru(
+    gates: Tensor<3>,
+    weight: Tensor<2>,
+    bias: Tensor<1>,
+    initial: Tensor<2>,
+    keep: Option<Tensor<2>>,
+) -> Tensor<3> {
+    let [length, batch, _] = gates.dims();
+    let width = initial.dims()[1];
+    let bias = bias.unsqueeze::<2>();
+    let mut state = initial;
+    let mut states = Vec::with_capacity(length);
+    for t in 0..length {
+        if let Some(keep) = &keep {
+            state = state * keep.clone().slice([t..t + 1, 0..batch]).reshape([batch, 1]);
+        }
+        let x = gates.clone().slice([t..t + 1]).squeeze_dim::<2>(0);
+        let h = state.clone().matmul(weight.clone()) + bias.clone();
+        let part = |tensor: &Tensor<2>, gate: usize| {
+            tensor
+                .clone()
+                .slice([0..batch, gate * width..(gate + 1) * width])
+        };
+        let reset = activation::sigmoid(part(&x, 0) + part(&h, 0));
+        let update = activation::sigmoid(part(&x, 1) + part(&h, 1));
+        let candidate = (part(&x, 2) + reset * part(&h, 2)).tanh();
+        state = candidate.clone() + update * (state - candidate);
+        states.push(state.clone());
+    }
+    Tensor::stack(states, 0)
+}
