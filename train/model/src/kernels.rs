@@ -12,9 +12,14 @@
 
 pub mod adam;
 mod convolution;
+mod flex;
+mod instructions;
+mod memory;
 pub mod plain;
+mod product;
 mod recurrence;
 
 pub use adam::{Adam, Moments};
 pub use convolution::{ConvLayer, feature_count, features, pixel_tensor};
+pub use instructions::Instructions;
 pub use recurrence::gru;

@@ -4,7 +4,17 @@
 
 use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
+use super::flex::runs_on_flex;
 use super::plain;
+
+mod geometry;
+mod operation;
+mod pixels;
+mod stack;
+#[cfg(test)]
+mod tests;
+mod weights;
+mod winograd;
 
 /// One 4×4 convolution of stride 2 without padding, followed by ReLU.
 #[derive(Clone, Debug)]
@@ -31,13 +41,13 @@ pub fn pixel_tensor(pixels: Vec<u8>, shape: [usize; 4], device: &Device) -> Tens
 /// Features of frames: pixels `x/255 − 0.5`, then each layer's convolution and ReLU, then flattened channels last.
 ///
 /// `pixels` is `[frames, height, width, channels]`, see [`pixel_tensor`]; the result is `[frames, h·w·c]` in the order
-/// `[h, w, c]` of the last layer. Differentiable in the weights and biases, not in the pixels. On `flex` any number of layers
-/// runs as one operation; it is fastest when channel counts are multiples of 32.
+/// `[h, w, c]` of the last layer. Differentiable in the weights and biases, not in the pixels. On `flex`, with RGB bytes and
+/// up to six layers, it runs as one operation; it is fastest when channel counts are multiples of 32.
 ///
 /// # Panics
 /// If a layer's input is smaller than its 4×4 kernel or the channel counts do not follow from each other.
 pub fn features(pixels: Tensor<4, Int>, layers: &[ConvLayer]) -> Tensor<2> {
-    plain::features(pixels, layers)
+    operation::features(&pixels, layers).unwrap_or_else(|| plain::features(pixels, layers))
 }
 
 /// Width of [`features`]' result for `[height, width]` images, or `None` when the images are too small for that many layers.
@@ -45,18 +55,4 @@ pub fn feature_count(image: [usize; 2], layers: usize, last_channels: usize) -> 
     let side =
         |size: usize| (0..layers).try_fold(size, |size, _| Some(size.checked_sub(4)? / 2 + 1));
     Some(side(image[0])? * side(image[1])? * last_channels)
-}
-
-/// Whether tensors on this device take the custom operations.
-pub(super) fn runs_on_flex(device: &Device) -> bool {
-    use burn::backend::DispatchDevice;
-    match device.as_dispatch() {
-        DispatchDevice::Flex(_) => true,
-        DispatchDevice::Autodiff(device) => matches!(**device, DispatchDevice::Flex(_)),
-        #[allow(
-            unreachable_patterns,
-            reason = "other variants exist with other backend features"
-        )]
-        _ => false,
-    }
 }

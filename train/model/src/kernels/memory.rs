@@ -35,8 +35,15 @@ impl Buffer {
         let mut shelf = shelf();
         let place = shelf.partition_point(|kept| kept.len() < lines);
         // A much larger one stays for who needs it.
-        let fits = shelf.get(place).is_some_and(|kept| kept.len() <= 2 * lines + 64);
-        let lines = if fits { shelf.remove(place) } else { drop(shelf); vec![Line([0.0; 16]); lines] };
+        let fits = shelf
+            .get(place)
+            .is_some_and(|kept| kept.len() <= 2 * lines + 64);
+        let lines = if fits {
+            shelf.remove(place)
+        } else {
+            drop(shelf);
+            vec![Line([0.0; 16]); lines]
+        };
         Self { lines, len }
     }
 

@@ -35,16 +35,30 @@ fn scaled(layer: &Layer, bytes: &[u8], instructions: Instructions) -> Buffer {
 }
 
 /// The layer's output for some frames: convolution, bias, ReLU.
-pub(super) fn forward(layer: &Layer, bytes: &[u8], planes: &Planes, output: &mut [f32], instructions: Instructions) {
+pub(super) fn forward(
+    layer: &Layer,
+    bytes: &[u8],
+    planes: &Planes,
+    output: &mut [f32],
+    instructions: Instructions,
+) {
     let [high, wide] = layer.output;
     let mut summed = Buffer::stale(high * wide * PANEL);
     let frame = layer.input[0] * layer.input[1] * COLORS;
-    for (bytes, output) in bytes.chunks_exact(frame).zip(output.chunks_exact_mut(layer.output_len())) {
+    for (bytes, output) in bytes
+        .chunks_exact(frame)
+        .zip(output.chunks_exact_mut(layer.output_len()))
+    {
         let image = scaled(layer, bytes, instructions);
         for (panel, weights) in planes.weights.chunks_exact(KERNEL * PANEL).enumerate() {
             for (row, summed) in summed.chunks_exact_mut(wide * PANEL).enumerate() {
                 let data = &image[2 * row * layer.input[1] * COLORS..];
-                let left = Left::<STRIDE, 1> { data, outer: 4, outer_step: layer.input[1] * COLORS, inner: REACH };
+                let left = Left::<STRIDE, 1> {
+                    data,
+                    outer: 4,
+                    outer_step: layer.input[1] * COLORS,
+                    inner: REACH,
+                };
                 left.times(weights, wide, summed, false, instructions);
             }
             finish(layer, panel, &summed, &planes.bias, output, instructions);
@@ -53,15 +67,29 @@ pub(super) fn forward(layer: &Layer, bytes: &[u8], planes: &Planes, output: &mut
 }
 
 /// Bias and ReLU of one panel of channels.
-fn finish(layer: &Layer, panel: usize, summed: &[f32], bias: &[f32], output: &mut [f32], instructions: Instructions) {
+fn finish(
+    layer: &Layer,
+    panel: usize,
+    summed: &[f32],
+    bias: &[f32],
+    output: &mut [f32],
+    instructions: Instructions,
+) {
     let (start, stride) = (panel * PANEL, layer.output_stride());
     let count = PANEL.min(stride - start);
     let bias = &bias[start..start + count];
     instructions.run(
         #[inline(always)]
         || {
-            for (summed, output) in summed.chunks_exact(PANEL).zip(output.chunks_exact_mut(stride)) {
-                for ((output, summed), bias) in output[start..start + count].iter_mut().zip(summed).zip(bias) {
+            for (summed, output) in summed
+                .chunks_exact(PANEL)
+                .zip(output.chunks_exact_mut(stride))
+            {
+                for ((output, summed), bias) in output[start..start + count]
+                    .iter_mut()
+                    .zip(summed)
+                    .zip(bias)
+                {
                     *output = (summed + bias).max(0.0);
                 }
             }
@@ -81,14 +109,29 @@ pub(super) fn backward(
     let [high, wide] = layer.output;
     let mut open = Buffer::stale(high * wide * PANEL);
     let frame = layer.input[0] * layer.input[1] * COLORS;
-    let activations = output.chunks_exact(layer.output_len()).zip(output_gradient.chunks_exact(layer.output_len()));
+    let activations = output
+        .chunks_exact(layer.output_len())
+        .zip(output_gradient.chunks_exact(layer.output_len()));
     for (bytes, (output, gradient)) in bytes.chunks_exact(frame).zip(activations) {
         let image = scaled(layer, bytes, instructions);
         for (panel, weights) in sums.weights.chunks_exact_mut(KERNEL * PANEL).enumerate() {
-            mask(layer, panel, output, gradient, &mut open, &mut sums.bias, instructions);
+            mask(
+                layer,
+                panel,
+                output,
+                gradient,
+                &mut open,
+                &mut sums.bias,
+                instructions,
+            );
             for (row, weights) in weights.chunks_exact_mut(REACH * PANEL).enumerate() {
                 let data = &image[row * layer.input[1] * COLORS..];
-                let left = Left::<1, STRIDE> { data, outer: high, outer_step: 2 * layer.input[1] * COLORS, inner: wide };
+                let left = Left::<1, STRIDE> {
+                    data,
+                    outer: high,
+                    outer_step: 2 * layer.input[1] * COLORS,
+                    inner: wide,
+                };
                 left.times(&open, REACH, weights, true, instructions);
             }
         }
@@ -111,11 +154,17 @@ fn mask(
     instructions.run(
         #[inline(always)]
         || {
-            let positions = output.chunks_exact(stride).zip(gradient.chunks_exact(stride));
+            let positions = output
+                .chunks_exact(stride)
+                .zip(gradient.chunks_exact(stride));
             for (open, (output, gradient)) in open.chunks_exact_mut(PANEL).zip(positions) {
                 open[count..].fill(0.0);
-                let channels = output[start..start + count].iter().zip(&gradient[start..start + count]);
-                for ((open, bias), (output, gradient)) in open.iter_mut().zip(bias.iter_mut()).zip(channels) {
+                let channels = output[start..start + count]
+                    .iter()
+                    .zip(&gradient[start..start + count]);
+                for ((open, bias), (output, gradient)) in
+                    open.iter_mut().zip(bias.iter_mut()).zip(channels)
+                {
                     *open = if *output > 0.0 { *gradient } else { 0.0 };
                     *bias += *open;
                 }

@@ -54,23 +54,45 @@ impl Stack {
     pub(super) fn forward(&self, bytes: &[u8], given: &[Weights<'_>]) -> Vec<Buffer> {
         let frames = bytes.len() / self.frame_bytes();
         let planes = self.planes(given, false);
-        let mut kept: Vec<Buffer> = self.layers.iter().map(|layer| Buffer::stale(frames * layer.output_len())).collect();
-        let mut work: Vec<(&[u8], Vec<&mut [f32]>)> =
-            bytes.chunks(CHUNK * self.frame_bytes()).map(|bytes| (bytes, Vec::new())).collect();
+        let mut kept: Vec<Buffer> = self
+            .layers
+            .iter()
+            .map(|layer| Buffer::stale(frames * layer.output_len()))
+            .collect();
+        let mut work: Vec<(&[u8], Vec<&mut [f32]>)> = bytes
+            .chunks(CHUNK * self.frame_bytes())
+            .map(|bytes| (bytes, Vec::new()))
+            .collect();
         for (layer, kept) in self.layers.iter().zip(&mut kept) {
-            for ((_, outputs), kept) in work.iter_mut().zip(kept.chunks_mut(CHUNK * layer.output_len())) {
+            for ((_, outputs), kept) in work
+                .iter_mut()
+                .zip(kept.chunks_mut(CHUNK * layer.output_len()))
+            {
                 outputs.push(kept);
             }
         }
         work.into_par_iter().for_each(|(bytes, mut outputs)| {
             let frames = bytes.len() / self.frame_bytes();
-            self.forward_to(self.layers.len() - 1, [0, frames], bytes, &mut outputs, &planes);
+            self.forward_to(
+                self.layers.len() - 1,
+                [0, frames],
+                bytes,
+                &mut outputs,
+                &planes,
+            );
         });
         kept
     }
 
     /// Fills the outputs of `top` and all layers below it for the frames `[from, to]`.
-    fn forward_to(&self, top: usize, [from, to]: [usize; 2], bytes: &[u8], outputs: &mut [&mut [f32]], planes: &[Planes]) {
+    fn forward_to(
+        &self,
+        top: usize,
+        [from, to]: [usize; 2],
+        bytes: &[u8],
+        outputs: &mut [&mut [f32]],
+        planes: &[Planes],
+    ) {
         let layer = &self.layers[top];
         let (below, output) = outputs.split_at_mut(top);
         let output = &mut output[0][..];
@@ -84,12 +106,25 @@ impl Stack {
             self.forward_to(top - 1, [start, end], bytes, below, planes);
             let input = &below[top - 1][start * layer.input_len()..end * layer.input_len()];
             let output = &mut output[start * layer.output_len()..end * layer.output_len()];
-            winograd::forward(layer, end - start, input, &planes[top], output, self.instructions);
+            winograd::forward(
+                layer,
+                end - start,
+                input,
+                &planes[top],
+                output,
+                self.instructions,
+            );
         }
     }
 
     /// Gradients of all weights, from the gradient of the last activations (padded like them).
-    pub(super) fn backward(&self, bytes: &[u8], given: &[Weights<'_>], kept: &[Buffer], gradient: &[f32]) -> Vec<Gradients> {
+    pub(super) fn backward(
+        &self,
+        bytes: &[u8],
+        given: &[Weights<'_>],
+        kept: &[Buffer],
+        gradient: &[f32],
+    ) -> Vec<Gradients> {
         let frames = bytes.len() / self.frame_bytes();
         let planes = self.planes(given, true);
         let share = frames.div_ceil(SHARES);
@@ -102,12 +137,25 @@ impl Stack {
                 let end = frames.min(start + share);
                 let mut sums = self.sums();
                 let gradient = &gradient[start * width..end * width];
-                self.backward_from(last, [start, end], bytes, kept, gradient, &planes, &mut sums);
+                self.backward_from(
+                    last,
+                    [start, end],
+                    bytes,
+                    kept,
+                    gradient,
+                    &planes,
+                    &mut sums,
+                );
                 sums
             })
             .collect();
         let sums = self.add(shares);
-        self.layers.iter().zip(&sums).enumerate().map(|(index, (layer, sums))| gradients(index, layer, sums)).collect()
+        self.layers
+            .iter()
+            .zip(&sums)
+            .enumerate()
+            .map(|(index, (layer, sums))| gradients(index, layer, sums))
+            .collect()
     }
 
     /// Adds the gradients of `top` and all layers below it for the frames `[from, to]`; `gradient` is theirs alone.
@@ -126,7 +174,14 @@ impl Stack {
         if top == 0 {
             let bytes = &bytes[from * self.frame_bytes()..to * self.frame_bytes()];
             let output = &kept[0][from * width..to * width];
-            return pixels::backward(layer, bytes, output, gradient, &mut sums[0], self.instructions);
+            return pixels::backward(
+                layer,
+                bytes,
+                output,
+                gradient,
+                &mut sums[0],
+                self.instructions,
+            );
         }
         let mut below = Buffer::stale(self.block(top) * layer.input_len());
         for start in (from..to).step_by(self.block(top)) {
@@ -136,7 +191,16 @@ impl Stack {
             let gradient = &gradient[(start - from) * width..(end - from) * width];
             let below = &mut below[..input.len()];
             let activations = [input, output];
-            winograd::backward(layer, end - start, activations, gradient, &planes[top], &mut sums[top], below, self.instructions);
+            winograd::backward(
+                layer,
+                end - start,
+                activations,
+                gradient,
+                &planes[top],
+                &mut sums[top],
+                below,
+                self.instructions,
+            );
             self.backward_from(top - 1, [start, end], bytes, kept, below, planes, sums);
         }
     }
@@ -153,7 +217,15 @@ impl Stack {
 
     fn sums(&self) -> Vec<Planes> {
         let layers = self.layers.iter().enumerate();
-        layers.map(|(index, layer)| if index == 0 { weights::pixel_sums(layer) } else { weights::sums(layer) }).collect()
+        layers
+            .map(|(index, layer)| {
+                if index == 0 {
+                    weights::pixel_sums(layer)
+                } else {
+                    weights::sums(layer)
+                }
+            })
+            .collect()
     }
 
     /// Sums of all shares, in their order.
@@ -163,7 +235,11 @@ impl Stack {
         for share in shares {
             for (total, share) in total.iter_mut().zip(&share) {
                 add_to(&mut total.bias, &share.bias);
-                total.weights.par_chunks_mut(1 << 14).zip(share.weights.par_chunks(1 << 14)).for_each(|(total, share)| add_to(total, share));
+                total
+                    .weights
+                    .par_chunks_mut(1 << 14)
+                    .zip(share.weights.par_chunks(1 << 14))
+                    .for_each(|(total, share)| add_to(total, share));
             }
         }
         total
@@ -177,6 +253,13 @@ fn add_to(total: &mut [f32], share: &[f32]) {
 }
 
 fn gradients(index: usize, layer: &Layer, sums: &Planes) -> Gradients {
-    let weight = if index == 0 { weights::pixel_gradient(layer, sums) } else { weights::gradient(layer, sums) };
-    Gradients { weight, bias: sums.bias[..layer.out_channels].to_vec() }
+    let weight = if index == 0 {
+        weights::pixel_gradient(layer, sums)
+    } else {
+        weights::gradient(layer, sums)
+    };
+    Gradients {
+        weight,
+        bias: sums.bias[..layer.out_channels].to_vec(),
+    }
 }

@@ -78,7 +78,10 @@ fn gather_back([a, b]: [Vector; 2]) -> [Vector; 3] {
 
 /// Applies a map to the rows, then to the columns.
 #[inline(always)]
-fn both<const I: usize, const O: usize>(cells: [[Vector; I]; I], f: impl Fn([Vector; I]) -> [Vector; O]) -> [[Vector; O]; O] {
+fn both<const I: usize, const O: usize>(
+    cells: [[Vector; I]; I],
+    f: impl Fn([Vector; I]) -> [Vector; O],
+) -> [[Vector; O]; O] {
     let mut rows = [[[0.0; LANES]; O]; I];
     for (row, cells) in rows.iter_mut().zip(cells) {
         *row = f(cells);
@@ -97,19 +100,31 @@ fn both<const I: usize, const O: usize>(cells: [[Vector; I]; I], f: impl Fn([Vec
 }
 
 /// The factors of all tiles: nine matrices `[tiles, 4·channels]` in panels.
-fn factors(layer: &Layer, frames: usize, input: &[f32], factors: &mut [f32], instructions: Instructions) {
+fn factors(
+    layer: &Layer,
+    frames: usize,
+    input: &[f32],
+    factors: &mut [f32],
+    instructions: Instructions,
+) {
     let tiles = frames * layer.tiles();
     let plane = layer.cell_width() * tiles;
     instructions.run(
         #[inline(always)]
         || {
-            for (frame, input) in input.chunks_exact(layer.input_len()).take(frames).enumerate() {
+            for (frame, input) in input
+                .chunks_exact(layer.input_len())
+                .take(frames)
+                .enumerate()
+            {
                 for tile in 0..layer.tiles() {
                     let row = frame * layer.tiles() + tile;
                     let cells = layer.cells(tile);
                     for part in (0..layer.cell_width()).step_by(LANES) {
                         let offset = layer.cell_offset(part);
-                        let cells = cells.map(|line| line.map(|at| at.map_or([0.0; LANES], |at| load(&input[at + offset..]))));
+                        let cells = cells.map(|line| {
+                            line.map(|at| at.map_or([0.0; LANES], |at| load(&input[at + offset..])))
+                        });
                         let at = (part / PANEL * tiles + row) * PANEL + part % PANEL;
                         for (index, value) in both(cells, spread).iter().flatten().enumerate() {
                             factors[index * plane + at..][..LANES].copy_from_slice(value);
@@ -122,33 +137,67 @@ fn factors(layer: &Layer, frames: usize, input: &[f32], factors: &mut [f32], ins
 }
 
 /// `out[p] = left[p] · weights[p]` for the nine products; `[rows, k]` times `[k, n]`.
-fn products(rows: usize, [k, n]: [usize; 2], left: &[f32], weights: &[f32], out: &mut [f32], instructions: Instructions) {
+fn products(
+    rows: usize,
+    [k, n]: [usize; 2],
+    left: &[f32],
+    weights: &[f32],
+    out: &mut [f32],
+    instructions: Instructions,
+) {
     for index in 0..PRODUCTS {
         let left = Left::panels(&left[index * rows * k..][..rows * k], rows, k);
         let weights = weights[index * k * n..][..k * n].chunks_exact(k * PANEL);
-        for (weights, out) in weights.zip(out[index * rows * n..][..rows * n].chunks_exact_mut(rows * PANEL)) {
+        for (weights, out) in
+            weights.zip(out[index * rows * n..][..rows * n].chunks_exact_mut(rows * PANEL))
+        {
             left.times(weights, rows, out, false, instructions);
         }
     }
 }
 
 /// The layer's output for `frames` frames: convolution, bias, ReLU.
-pub(super) fn forward(layer: &Layer, frames: usize, input: &[f32], planes: &Planes, output: &mut [f32], instructions: Instructions) {
+pub(super) fn forward(
+    layer: &Layer,
+    frames: usize,
+    input: &[f32],
+    planes: &Planes,
+    output: &mut [f32],
+    instructions: Instructions,
+) {
     let (tiles, [k, n]) = (frames * layer.tiles(), layer.product());
     let mut spread = Buffer::stale(PRODUCTS * tiles * k);
     factors(layer, frames, input, &mut spread, instructions);
     let mut summed = Buffer::stale(PRODUCTS * tiles * n);
-    products(tiles, [k, n], &spread, &planes.weights, &mut summed, instructions);
+    products(
+        tiles,
+        [k, n],
+        &spread,
+        &planes.weights,
+        &mut summed,
+        instructions,
+    );
     outputs(layer, frames, &summed, &planes.bias, output, instructions);
 }
 
-fn outputs(layer: &Layer, frames: usize, summed: &[f32], bias: &[f32], output: &mut [f32], instructions: Instructions) {
+fn outputs(
+    layer: &Layer,
+    frames: usize,
+    summed: &[f32],
+    bias: &[f32],
+    output: &mut [f32],
+    instructions: Instructions,
+) {
     let tiles = frames * layer.tiles();
     let plane = tiles * layer.panelled_channels();
     instructions.run(
         #[inline(always)]
         || {
-            for (frame, output) in output.chunks_exact_mut(layer.output_len()).take(frames).enumerate() {
+            for (frame, output) in output
+                .chunks_exact_mut(layer.output_len())
+                .take(frames)
+                .enumerate()
+            {
                 for tile in 0..layer.tiles() {
                     let row = frame * layer.tiles() + tile;
                     let spots = layer.spots(tile);
@@ -162,7 +211,8 @@ fn outputs(layer: &Layer, frames: usize, summed: &[f32], bias: &[f32], output: &
                         let values = both(values, gather);
                         for (at, value) in spots.iter().flatten().zip(values.iter().flatten()) {
                             if let Some(at) = at.map(|at| at + part) {
-                                let value = map(*value, bias, |value, bias| (value + bias).max(0.0));
+                                let value =
+                                    map(*value, bias, |value, bias| (value + bias).max(0.0));
                                 output[at..at + LANES].copy_from_slice(&value);
                             }
                         }
@@ -187,19 +237,39 @@ pub(super) fn backward(
 ) {
     let (tiles, [k, n]) = (frames * layer.tiles(), layer.product());
     let mut summed = Buffer::stale(PRODUCTS * tiles * n);
-    output_gradients(layer, frames, output, output_gradient, &mut summed, &mut sums.bias, instructions);
+    output_gradients(
+        layer,
+        frames,
+        output,
+        output_gradient,
+        &mut summed,
+        &mut sums.bias,
+        instructions,
+    );
     let mut spread = Buffer::stale(PRODUCTS * tiles * k);
     factors(layer, frames, input, &mut spread, instructions);
     for index in 0..PRODUCTS {
         let spread = &spread[index * tiles * k..][..tiles * k];
         let panels = summed[index * tiles * n..][..tiles * n].chunks_exact(tiles * PANEL);
-        for (summed, sums) in panels.zip(sums.weights[index * k * n..][..k * n].chunks_exact_mut(k * PANEL)) {
-            for (spread, sums) in spread.chunks_exact(tiles * PANEL).zip(sums.chunks_exact_mut(PANEL * PANEL)) {
+        for (summed, sums) in
+            panels.zip(sums.weights[index * k * n..][..k * n].chunks_exact_mut(k * PANEL))
+        {
+            for (spread, sums) in spread
+                .chunks_exact(tiles * PANEL)
+                .zip(sums.chunks_exact_mut(PANEL * PANEL))
+            {
                 Left::turned(spread, tiles).times(summed, PANEL, sums, true, instructions);
             }
         }
     }
-    products(tiles, [n, k], &summed, &planes.turned, &mut spread, instructions);
+    products(
+        tiles,
+        [n, k],
+        &summed,
+        &planes.turned,
+        &mut spread,
+        instructions,
+    );
     input_gradients(layer, frames, &spread, input_gradient, instructions);
 }
 
@@ -221,21 +291,36 @@ fn output_gradients(
     instructions.run(
         #[inline(always)]
         || {
-            let frames = output.chunks_exact(layer.output_len()).zip(gradient.chunks_exact(layer.output_len())).take(frames);
+            let frames = output
+                .chunks_exact(layer.output_len())
+                .zip(gradient.chunks_exact(layer.output_len()))
+                .take(frames);
             for (frame, (output, gradient)) in frames.enumerate() {
                 for tile in 0..layer.tiles() {
                     let row = frame * layer.tiles() + tile;
                     let spots = layer.spots(tile);
                     for part in (0..layer.output_stride()).step_by(LANES) {
                         let values = spots.map(|line| {
-                            line.map(|at| at.map_or([0.0; LANES], |at| {
-                                map(load(&output[at + part..]), load(&gradient[at + part..]), |output, gradient| if output > 0.0 { gradient } else { 0.0 })
-                            }))
+                            line.map(|at| {
+                                at.map_or([0.0; LANES], |at| {
+                                    map(
+                                        load(&output[at + part..]),
+                                        load(&gradient[at + part..]),
+                                        |output, gradient| {
+                                            if output > 0.0 { gradient } else { 0.0 }
+                                        },
+                                    )
+                                })
+                            })
                         });
-                        let sum = values.iter().flatten().fold(load(&bias[part..]), |sum, value| plus(sum, *value));
+                        let sum = values
+                            .iter()
+                            .flatten()
+                            .fold(load(&bias[part..]), |sum, value| plus(sum, *value));
                         bias[part..part + LANES].copy_from_slice(&sum);
                         let at = (part / PANEL * tiles + row) * PANEL + part % PANEL;
-                        for (index, value) in both(values, gather_back).iter().flatten().enumerate() {
+                        for (index, value) in both(values, gather_back).iter().flatten().enumerate()
+                        {
                             summed[index * plane + at..][..LANES].copy_from_slice(value);
                         }
                     }
@@ -246,13 +331,23 @@ fn output_gradients(
 }
 
 /// Gradients of the factors to gradients of the layer's input.
-fn input_gradients(layer: &Layer, frames: usize, spread: &[f32], gradient: &mut [f32], instructions: Instructions) {
+fn input_gradients(
+    layer: &Layer,
+    frames: usize,
+    spread: &[f32],
+    gradient: &mut [f32],
+    instructions: Instructions,
+) {
     let tiles = frames * layer.tiles();
     let plane = tiles * layer.cell_width();
     instructions.run(
         #[inline(always)]
         || {
-            for (frame, gradient) in gradient.chunks_exact_mut(layer.input_len()).take(frames).enumerate() {
+            for (frame, gradient) in gradient
+                .chunks_exact_mut(layer.input_len())
+                .take(frames)
+                .enumerate()
+            {
                 gradient.fill(0.0);
                 for tile in 0..layer.tiles() {
                     let row = frame * layer.tiles() + tile;
