@@ -4,7 +4,14 @@
 
 use burn::tensor::Tensor;
 
+use super::instructions::Instructions;
 use super::plain;
+
+mod gates;
+mod operation;
+mod sequence;
+#[cfg(test)]
+mod tests;
 
 /// Hidden states of a GRU, PyTorch's formula (the recurrent bias of the candidate lies inside the reset gate's product):
 ///
@@ -30,5 +37,7 @@ pub fn gru(
     initial: Tensor<2>,
     keep: Option<Tensor<2>>,
 ) -> Tensor<3> {
-    plain::gru(gates, weight, bias, initial, keep)
+    let tensors = (gates.clone(), weight.clone(), bias.clone(), initial.clone());
+    operation::gru(tensors, keep.clone(), Instructions::best())
+        .unwrap_or_else(|| plain::gru(gates, weight, bias, initial, keep))
 }
