@@ -2,7 +2,19 @@
 //!
 //! In: a parameter, its gradient, the moments so far. Out: the updated parameter and moments.
 
-use burn::tensor::Tensor;
+use burn::backend::Flex;
+use burn::tensor::{DType, Tensor};
+use burn_flex::FlexTensor;
+use rayon::prelude::*;
+
+use super::flex;
+use super::instructions::Instructions;
+
+#[cfg(test)]
+mod tests;
+
+/// Numbers of one piece of work.
+const PIECE: usize = 1 << 14;
 
 /// Adam's constants. The defaults are PyTorch's: rates 0.9 and 0.999, ε 1e-8 (added to the root), no weight decay.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,16 +60,79 @@ impl Adam {
         scale: f32,
         step: u64,
     ) -> (Tensor<D>, Moments<D>) {
-        let gradient = gradient * scale;
         let (first, second) = match moments {
             Some(Moments { first, second }) => (first, second),
-            None => (gradient.zeros_like(), gradient.zeros_like()),
+            None => (parameter.zeros_like(), parameter.zeros_like()),
         };
+        let tensors = [parameter, gradient, first, second];
+        let corrections = self.corrections(learning_rate, step);
+        let fast = |tensor: &Tensor<D>| {
+            let device = tensor.device();
+            tensor.dtype() == DType::F32 && !device.is_autodiff() && flex::runs_on_flex(&device)
+        };
+        let tensors = if tensors.iter().all(fast) {
+            self.update_on_flex(tensors, scale, corrections)
+        } else {
+            self.update_plainly(tensors, scale, corrections)
+        };
+        let [parameter, first, second] = tensors;
+        (parameter, Moments { first, second })
+    }
+
+    fn update_plainly<const D: usize>(
+        &self,
+        [parameter, gradient, first, second]: [Tensor<D>; 4],
+        scale: f32,
+        (rate, root): (f32, f32),
+    ) -> [Tensor<D>; 3] {
+        let gradient = gradient * scale;
         let first = first * self.beta1 + gradient.clone() * (1.0 - self.beta1);
         let second = second * self.beta2 + gradient.clone() * gradient * (1.0 - self.beta2);
-        let (rate, root) = self.corrections(learning_rate, step);
         let change = first.clone() / (second.clone().sqrt() / root + self.epsilon) * rate;
-        (parameter - change, Moments { first, second })
+        [parameter - change, first, second]
+    }
+
+    fn update_on_flex<const D: usize>(
+        &self,
+        tensors: [Tensor<D>; 4],
+        scale: f32,
+        corrections: (f32, f32),
+    ) -> [Tensor<D>; 3] {
+        let [mut parameter, gradient, mut first, mut second] =
+            tensors.map(|tensor| flex::unfollowed(tensor).expect("a float32 tensor on flex"));
+        let work = whole(&mut parameter)
+            .par_chunks_mut(PIECE)
+            .zip(flex::numbers(&gradient).par_chunks(PIECE))
+            .zip(whole(&mut first).par_chunks_mut(PIECE))
+            .zip(whole(&mut second).par_chunks_mut(PIECE));
+        work.for_each(|(((parameter, gradient), first), second)| {
+            Instructions::best().run(
+                #[inline(always)]
+                || self.update_numbers(parameter, gradient, [first, second], scale, corrections),
+            );
+        });
+        [parameter, first, second].map(Tensor::from_primitive::<Flex>)
+    }
+
+    #[inline(always)]
+    fn update_numbers(
+        &self,
+        parameter: &mut [f32],
+        gradient: &[f32],
+        [first, second]: [&mut [f32]; 2],
+        scale: f32,
+        (rate, root): (f32, f32),
+    ) {
+        let root = 1.0 / root;
+        let moments = first.iter_mut().zip(second);
+        for ((parameter, gradient), (first, second)) in
+            parameter.iter_mut().zip(gradient).zip(moments)
+        {
+            let gradient = gradient * scale;
+            *first = *first * self.beta1 + gradient * (1.0 - self.beta1);
+            *second = *second * self.beta2 + gradient * gradient * (1.0 - self.beta2);
+            *parameter -= rate * *first / (second.sqrt() * root + self.epsilon);
+        }
     }
 
     /// Step size and root of the second moment's correction: `lr / (1 − β₁ᵗ)` and `√(1 − β₂ᵗ)`.
@@ -69,4 +144,13 @@ impl Adam {
             (1.0 - f64::from(self.beta2).powf(step)).sqrt() as f32,
         )
     }
+}
+
+/// All numbers of a tensor in one piece; copied first if another tensor shares them.
+fn whole(tensor: &mut FlexTensor) -> &mut [f32] {
+    let (start, end) = tensor
+        .layout()
+        .contiguous_offsets()
+        .expect("a tensor in one piece");
+    &mut tensor.storage_mut::<f32>()[start..end]
 }
