@@ -1,1 +1,15 @@
-//! Skeleton.
+//! Looking into a latent space: neighbours, maps, invariance, probes, and the figures that show them.
+//!
+//! In: a table of latents (`latents.arrow`, or anyone's) and the recording it was encoded from. Out: figures, and the
+//! numbers beside them. The modules that measure take a [`Table`] and give plain values; they read and write no files.
+
+mod error;
+mod table;
+
+pub mod neighbours;
+pub mod pca;
+pub mod quality;
+pub mod umap;
+
+pub use error::Error;
+pub use table::Table;

@@ -1,0 +1,100 @@
+//! Everything that can go wrong below the command line, one variant per fact.
+
+/// Why an analysis could not be made. Messages give the fact, then what would be right.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// Two columns of one table disagree about the number of rows, or a row about the number of dimensions.
+    #[error("{what}: {found} values, expected {expected}")]
+    Length {
+        /// Which column.
+        what: &'static str,
+        /// What the rest of the table has.
+        expected: usize,
+        /// What was given.
+        found: usize,
+    },
+    /// A latent holds NaN or infinity.
+    #[error("episode {episode}, step {step}: dimension {dim} of the latent is {value}, every value must be finite")]
+    NotFinite {
+        /// Row key.
+        episode: u32,
+        /// Row key.
+        step: u32,
+        /// Which dimension.
+        dim: usize,
+        /// The value found.
+        value: f32,
+    },
+    /// No rows, or fewer than the computation needs.
+    #[error("{what} needs at least {needed} rows, found {found}")]
+    TooFewRows {
+        /// Which computation.
+        what: &'static str,
+        /// How many it needs.
+        needed: usize,
+        /// How many there are.
+        found: usize,
+    },
+    /// A query has fewer admissible candidates than the neighbours asked for.
+    #[error(
+        "episode {episode}, step {step}: only {found} rows may be its neighbours, {needed} were asked for \
+         (rows of its own {excluded} do not count)"
+    )]
+    TooFewNeighbours {
+        /// The query's key.
+        episode: u32,
+        /// The query's key.
+        step: u32,
+        /// `k`.
+        needed: usize,
+        /// Rows left after the exclusion.
+        found: usize,
+        /// What was excluded: "row", "trajectory" or "group".
+        excluded: &'static str,
+    },
+    /// Every dimension holds one value: no distance can tell rows apart.
+    #[error("all {rows} latents are the same point; {what} needs latents that vary")]
+    Constant {
+        /// Which computation.
+        what: &'static str,
+        /// Rows in the table.
+        rows: usize,
+    },
+    /// A matrix decomposition did not succeed.
+    #[error("{what}: {reason}")]
+    Linear {
+        /// Which computation.
+        what: &'static str,
+        /// What the solver said.
+        reason: String,
+    },
+    /// A row index past the end of the table.
+    #[error("row {row} does not exist, the table has {rows} rows")]
+    NoSuchRow {
+        /// The row asked for.
+        row: usize,
+        /// Rows in the table.
+        rows: usize,
+    },
+    /// A name that is not on the list.
+    #[error("unknown {what} {name:?}, choose one of: {choices}")]
+    UnknownName {
+        /// What kind of name.
+        what: &'static str,
+        /// The name given.
+        name: String,
+        /// The names there are.
+        choices: String,
+    },
+    /// An option outside its range.
+    #[error("{option} is {value}, it must be {must}")]
+    Option {
+        /// Name of the option.
+        option: &'static str,
+        /// The value given.
+        value: String,
+        /// The rule.
+        must: &'static str,
+    },
+}

@@ -1,0 +1,103 @@
+//! How much of the latent space's neighbourhoods a map keeps: trustworthiness and the share of neighbours kept.
+//!
+//! In: the space, the map `[rows, 2]`, `k`. Out: both numbers. Above `QualityOptions::rows` rows they are taken over
+//! that many rows drawn from the generator, each still ranked against the whole table.
+
+use rand::Rng;
+use rand::seq::index;
+use rayon::prelude::*;
+
+use crate::neighbours::{Exclude, Metric, Neighbours, Space, nearest};
+use crate::{Error, Table};
+
+/// The two numbers every map comes with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quality {
+    /// 1 when no point is a neighbour on the map that is far in the space (Venna and Kaski; scikit-learn's definition):
+    /// `1 - 2 / (n k (2n - 3k - 1)) Σ_i Σ_j max(0, r(i, j) - k)`, `j` over the `k` nearest on the map, `r` the rank in the space.
+    pub trustworthiness: f64,
+    /// Share of the `k` nearest in the space that are among the `k` nearest on the map.
+    pub kept: f64,
+    /// Neighbours looked at.
+    pub k: usize,
+    /// Rows the numbers were taken over.
+    pub rows: usize,
+}
+
+/// What to measure.
+#[derive(Debug, Clone, Copy)]
+pub struct QualityOptions {
+    /// Neighbours to look at.
+    pub k: usize,
+    /// Most rows to take the numbers over.
+    pub rows: usize,
+}
+
+impl Default for QualityOptions {
+    fn default() -> Self {
+        Self { k: 15, rows: 5000 }
+    }
+}
+
+/// The quality of a map of the space's rows.
+///
+/// # Errors
+/// A map of another length, or no more than `2k` rows (trustworthiness is defined for `k` below half of them).
+pub fn quality(
+    space: &Space<'_>,
+    map: &[[f32; 2]],
+    options: QualityOptions,
+    rng: &mut impl Rng,
+) -> Result<Quality, Error> {
+    let (table, k) = (space.table(), options.k);
+    let n = table.rows();
+    if map.len() != n {
+        return Err(Error::Length { what: "map", expected: n, found: map.len() });
+    }
+    if n <= 2 * k {
+        return Err(Error::TooFewRows { what: "trustworthiness", needed: 2 * k + 1, found: n });
+    }
+    let mut queries: Vec<usize> = if n > options.rows { index::sample(rng, n, options.rows).into_vec() } else { (0..n).collect() };
+    queries.sort_unstable();
+    let near = nearest(space, &queries, k, Exclude::Itself)?;
+    let near_on_map = nearest_on_map(table, map, &queries, k)?;
+    let both = |query: usize| near_on_map.rows(query).iter().filter(|row| near.rows(query).contains(row)).count();
+    let kept: usize = (0..queries.len()).map(both).sum();
+    let intruders = |(at, &query): (usize, &usize)| excess_rank(space, query, near_on_map.rows(at), near.rows(at));
+    let excess: u64 = queries.par_iter().enumerate().map(intruders).sum();
+    let (n, k, count) = (n as f64, k as f64, queries.len() as f64);
+    let trustworthiness = 1.0 - 2.0 / (count * k * (2.0 * n - 3.0 * k - 1.0)) * excess as f64;
+    Ok(Quality { trustworthiness, kept: kept as f64 / (count * k), k: options.k, rows: queries.len() })
+}
+
+/// The `k` nearest rows on the map.
+fn nearest_on_map(table: &Table<'_>, map: &[[f32; 2]], queries: &[usize], k: usize) -> Result<Neighbours, Error> {
+    let flat = Table::new(2, map.as_flattened(), table.episode(), table.step())?;
+    nearest(&Space::new(flat, Metric::Euclidean)?, queries, k, Exclude::Itself)
+}
+
+/// `Σ_j max(0, r(query, j) - k)` over the map's neighbours that are not the space's.
+fn excess_rank(space: &Space<'_>, query: usize, on_map: &[u32], near: &[u32]) -> u64 {
+    let mut intruders: Vec<f32> = on_map
+        .iter()
+        .filter(|row| !near.contains(row))
+        .map(|&row| space.squared_prepared(query, row as usize))
+        .collect();
+    if intruders.is_empty() {
+        return 0;
+    }
+    intruders.sort_unstable_by(f32::total_cmp);
+    // closer[i]: rows nearer than the i-th intruder but not than the one before it.
+    let mut closer = vec![0_u64; intruders.len()];
+    for row in (0..space.table().rows()).filter(|&row| row != query) {
+        let distance = space.squared_prepared(query, row);
+        if distance < intruders[intruders.len() - 1] {
+            closer[intruders.partition_point(|&intruder| intruder <= distance)] += 1;
+        }
+    }
+    let ranks = closer.iter().scan(0, |rank, closer| {
+        *rank += closer;
+        Some(*rank + 1)
+    });
+    ranks.map(|rank| rank.saturating_sub(near.len() as u64)).sum()
+}

@@ -1,0 +1,100 @@
+//! The table every measure works on: one latent per row, with the row's key and, on a grid, its cell.
+//!
+//! Checked once, here; the measures trust it. It borrows its columns, so a million latents are held once.
+
+use crate::Error;
+
+/// Latents `[rows, dims]` with their keys. All columns have `rows` values; every latent is finite.
+#[derive(Debug, Clone, Copy)]
+pub struct Table<'a> {
+    dims: usize,
+    values: &'a [f32],
+    episode: &'a [u32],
+    step: &'a [u32],
+    state: Option<&'a [Option<u32>]>,
+    distractor: Option<&'a [Option<u32>]>,
+}
+
+impl<'a> Table<'a> {
+    /// A table of latents `values` `[rows, dims]` (row major) keyed by `episode` and `step` `[rows]`.
+    ///
+    /// # Errors
+    /// No rows, columns of unequal length, or a value that is not finite.
+    pub fn new(dims: usize, values: &'a [f32], episode: &'a [u32], step: &'a [u32]) -> Result<Self, Error> {
+        let rows = episode.len();
+        if rows == 0 || dims == 0 {
+            return Err(Error::TooFewRows { what: "a table of latents", needed: 1, found: 0 });
+        }
+        check_length("step", step.len(), rows)?;
+        check_length("latent", values.len(), rows * dims)?;
+        if let Some(at) = values.iter().position(|value| !value.is_finite()) {
+            let (row, dim) = (at / dims, at % dims);
+            return Err(Error::NotFinite { episode: episode[row], step: step[row], dim, value: values[at] });
+        }
+        Ok(Self { dims, values, episode, step, state: None, distractor: None })
+    }
+
+    /// The same table with each row's cell of the grid: `state` trajectory and `distractor` trajectory `[rows]`.
+    ///
+    /// # Errors
+    /// Columns of another length.
+    pub fn with_grid(mut self, state: &'a [Option<u32>], distractor: &'a [Option<u32>]) -> Result<Self, Error> {
+        check_length("state", state.len(), self.rows())?;
+        check_length("distractor", distractor.len(), self.rows())?;
+        self.state = Some(state);
+        self.distractor = Some(distractor);
+        Ok(self)
+    }
+
+    /// Number of rows.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.episode.len()
+    }
+
+    /// Number of latent dimensions.
+    #[must_use]
+    pub fn dims(&self) -> usize {
+        self.dims
+    }
+
+    /// All latents, `[rows, dims]`, row major.
+    #[must_use]
+    pub fn values(&self) -> &'a [f32] {
+        self.values
+    }
+
+    /// One latent, `[dims]`.
+    #[must_use]
+    pub fn row(&self, row: usize) -> &'a [f32] {
+        &self.values[row * self.dims..(row + 1) * self.dims]
+    }
+
+    /// The episode of each row.
+    #[must_use]
+    pub fn episode(&self) -> &'a [u32] {
+        self.episode
+    }
+
+    /// The step of each row within its episode.
+    #[must_use]
+    pub fn step(&self) -> &'a [u32] {
+        self.step
+    }
+
+    /// The grid cell of a row: `(state, distractor)`, if the row has one.
+    #[must_use]
+    pub fn cell(&self, row: usize) -> Option<(u32, u32)> {
+        Some((self.state?[row]?, self.distractor?[row]?))
+    }
+
+    /// The row with this key.
+    #[must_use]
+    pub fn find(&self, episode: u32, step: u32) -> Option<usize> {
+        (0..self.rows()).find(|&row| self.episode[row] == episode && self.step[row] == step)
+    }
+}
+
+fn check_length(what: &'static str, found: usize, expected: usize) -> Result<(), Error> {
+    if found == expected { Ok(()) } else { Err(Error::Length { what, expected, found }) }
+}
