@@ -1,0 +1,100 @@
+//! A mix of policies with weights, as in `random:0.3,planner:noise=0.3:0.4,planner:0.3`: which policy makes which episode.
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::PolicySpec;
+use crate::{Error, Result};
+
+/// Policies with their shares, which sum to 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PolicyMix(Vec<(PolicySpec, f64)>);
+
+impl PolicyMix {
+    /// A single policy for every episode.
+    pub fn of(policy: PolicySpec) -> Self {
+        Self(vec![(policy, 1.0)])
+    }
+
+    /// The policies with their shares.
+    pub fn shares(&self) -> &[(PolicySpec, f64)] {
+        &self.0
+    }
+
+    /// The policy of an episode, by its number alone, so that it does not matter how many episodes there are or which are there already.
+    ///
+    /// Each policy is taken when it lags furthest behind its share, so every stretch of episodes holds them in about the right proportion.
+    pub fn policy(&self, episode: u32) -> &PolicySpec {
+        let mut taken = vec![0.0; self.0.len()];
+        let mut choice = 0;
+        for made in 0..=episode {
+            let lag = |policy: usize| self.0[policy].1 * (f64::from(made) + 1.0) - taken[policy];
+            // The first of equals, which `max_by` would not give.
+            choice = (0..self.0.len()).rev().max_by(|&a, &b| lag(a).total_cmp(&lag(b))).unwrap_or(0);
+            taken[choice] += 1.0;
+        }
+        &self.0[choice].0
+    }
+}
+
+impl FromStr for PolicyMix {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let refused = |fact: String| Error::Policy {
+            text: text.to_owned(),
+            fact,
+            expected: "a mix is POLICY:WEIGHT,POLICY:WEIGHT,… as in random:0.3,planner:noise=0.3:0.4,planner:0.3"
+                .to_owned(),
+        };
+        let mut parts = Vec::new();
+        for part in text.split(',') {
+            let (policy, weight) = part.rsplit_once(':').ok_or_else(|| refused(format!("{part} has no weight")))?;
+            let weight: f64 = weight.parse().map_err(|_error| refused(format!("{weight} is not a weight")))?;
+            if !(weight.is_finite() && weight > 0.0) {
+                return Err(refused(format!("the weight {weight} is not above 0")));
+            }
+            parts.push((policy.parse()?, weight));
+        }
+        let sum: f64 = parts.iter().map(|(_, weight)| weight).sum();
+        Ok(Self(parts.into_iter().map(|(policy, weight)| (policy, weight / sum)).collect()))
+    }
+}
+
+impl fmt::Display for PolicyMix {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (place, (policy, share)) in self.0.iter().enumerate() {
+            let comma = if place == 0 { "" } else { "," };
+            write!(f, "{comma}{policy}:{share}")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ten_episodes_hold_the_policies_in_proportion() {
+        let mix: PolicyMix = "random:0.3,planner:noise=0.3:0.4,planner:0.3".parse().unwrap();
+        let made: Vec<String> = (0..10).map(|episode| mix.policy(episode).to_string()).collect();
+        let count = |name: &str| made.iter().filter(|policy| *policy == name).count();
+        assert_eq!([count("random"), count("planner:noise=0.3"), count("planner")], [3, 4, 3], "{made:?}");
+        assert_eq!(mix.policy(4), mix.policy(4));
+    }
+
+    #[test]
+    fn weights_need_not_sum_to_one() {
+        let mix: PolicyMix = "random:1,planner:3".parse().unwrap();
+        assert_eq!(mix.to_string(), "random:0.25,planner:0.75");
+    }
+
+    #[test]
+    fn a_malformed_mix_says_how_one_looks() {
+        for text in ["random", "random:0.3,", "random:x", "random:0", "random:-1", "walk:0.5", "planner:noise=0.3"] {
+            let error = text.parse::<PolicyMix>().unwrap_err().to_string();
+            assert!(error.contains("mix is POLICY:WEIGHT") || error.contains("the policies are"), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,9 @@
+//! The random policy: every number of the action uniform in its bounds, anew at every agent step.
+
+use crate::spec::ActionSpec;
+use rand::{Rng, RngCore};
+
+/// Draws an action.
+pub(super) fn act(bounds: &ActionSpec, rng: &mut impl RngCore) -> Vec<f64> {
+    bounds.min.iter().zip(&bounds.max).map(|(&low, &high)| rng.random_range(low..=high)).collect()
+}

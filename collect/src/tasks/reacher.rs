@@ -1,0 +1,83 @@
+//! `reacher-easy`: bring the tip of a two-link arm to a target. Reward 1 while they touch (`dm_control/suite/reacher.py`).
+
+use std::f64::consts::TAU;
+
+use crate::spec::ObservationPart;
+use rand::{Rng, RngCore};
+
+use super::random_joints::randomize_joints;
+use super::{Actuation, Loaded, Task, Tolerance, part};
+use crate::Result;
+use crate::physics::{ModelOverrides, Physics, suite_xml};
+
+const NAME: &str = "reacher-easy";
+/// One physics step of 20 ms is a control step.
+const PHYSICS_STEPS: usize = 1;
+/// Control steps an action is held.
+const ACTION_REPEAT: u32 = 4;
+/// The target's radius in metres.
+const TARGET_RADIUS: f64 = 0.05;
+
+/// Loads the model and the task.
+pub(super) fn load() -> Result<Loaded> {
+    let physics = Physics::from_xml(NAME, suite_xml("reacher.xml")?)?;
+    let task = Reacher { finger: physics.geom("finger")?, target: physics.geom("target")? };
+    Ok(Loaded {
+        name: NAME.to_owned(),
+        physics,
+        task: Box::new(task),
+        actuation: Actuation::Direct,
+        physics_steps: PHYSICS_STEPS,
+        action_repeat: ACTION_REPEAT,
+    })
+}
+
+#[derive(Debug)]
+struct Reacher {
+    finger: usize,
+    target: usize,
+}
+
+impl Reacher {
+    /// The vector from the finger to the target in the plane.
+    fn to_target(&self, physics: &Physics) -> [f64; 2] {
+        let places = physics.data().geom_xpos();
+        [0, 1].map(|axis| places[self.target][axis] - places[self.finger][axis])
+    }
+}
+
+impl Task for Reacher {
+    fn observation(&self, physics: &Physics) -> Vec<ObservationPart> {
+        let velocity = part("velocity", physics.qvel().len());
+        vec![part("position", physics.qpos().len()), part("to_target", 2), velocity]
+    }
+
+    fn constants(&self) -> ModelOverrides {
+        let mut constants = ModelOverrides::default();
+        constants.set("geom_size", "target", &[TARGET_RADIUS, 0.0, 0.0]);
+        constants
+    }
+
+    /// Any pose, and a target in the ring from 5 to 20 cm around the shoulder, uniform in radius and angle.
+    fn start(&self, physics: &mut Physics, rng: &mut dyn RngCore) -> Result<ModelOverrides> {
+        randomize_joints(physics, rng);
+        let angle = rng.random_range(0.0..TAU);
+        let radius = rng.random_range(0.05..0.20);
+        let height = physics.model().geom_pos()[self.target][2];
+        let mut changed = ModelOverrides::default();
+        changed.set("geom_pos", "target", &[radius * angle.sin(), radius * angle.cos(), height]);
+        Ok(changed)
+    }
+
+    fn observe(&self, physics: &Physics, observation: &mut Vec<f64>) {
+        observation.extend_from_slice(physics.qpos());
+        observation.extend(self.to_target(physics));
+        observation.extend_from_slice(physics.qvel());
+    }
+
+    fn reward(&self, physics: &Physics) -> f64 {
+        let [x, y] = self.to_target(physics);
+        let sizes = physics.model().geom_size();
+        Tolerance::within(0.0, sizes[self.target][0] + sizes[self.finger][0]).value((x * x + y * y).sqrt())
+    }
+}
