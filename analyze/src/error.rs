@@ -15,7 +15,9 @@ pub enum Error {
         found: usize,
     },
     /// A latent holds NaN or infinity.
-    #[error("episode {episode}, step {step}: dimension {dim} of the latent is {value}, every value must be finite")]
+    #[error(
+        "episode {episode}, step {step}: dimension {dim} of the latent is {value}, every value must be finite"
+    )]
     NotFinite {
         /// Row key.
         episode: u32,
@@ -60,6 +62,37 @@ pub enum Error {
         what: &'static str,
         /// Rows in the table.
         rows: usize,
+    },
+    /// The table says nothing about states and distractors.
+    #[error(
+        "no row has a state and a distractor: this needs latents of a recording made with --grid"
+    )]
+    NoGrid,
+    /// A cell of the grid has no rows.
+    #[error(
+        "{missing} of {cells} cells of the grid have no rows, the first is state {state} under distractor {distractor}"
+    )]
+    GridHoles {
+        /// The first missing cell.
+        state: u32,
+        /// The first missing cell.
+        distractor: u32,
+        /// How many are missing.
+        missing: usize,
+        /// How many there should be.
+        cells: usize,
+    },
+    /// Two rows claim the same cell and step.
+    #[error(
+        "state {state} under distractor {distractor} has step {step} twice: are these latents of two recordings?"
+    )]
+    RepeatedStep {
+        /// The cell.
+        state: u32,
+        /// The cell.
+        distractor: u32,
+        /// The step.
+        step: u32,
     },
     /// A matrix decomposition did not succeed.
     #[error("{what}: {reason}")]

@@ -6,6 +6,8 @@
 mod error;
 mod table;
 
+pub mod intervals;
+pub mod invariance;
 pub mod neighbours;
 pub mod pca;
 pub mod quality;

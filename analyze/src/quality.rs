@@ -52,28 +52,63 @@ pub fn quality(
     let (table, k) = (space.table(), options.k);
     let n = table.rows();
     if map.len() != n {
-        return Err(Error::Length { what: "map", expected: n, found: map.len() });
+        return Err(Error::Length {
+            what: "map",
+            expected: n,
+            found: map.len(),
+        });
     }
     if n <= 2 * k {
-        return Err(Error::TooFewRows { what: "trustworthiness", needed: 2 * k + 1, found: n });
+        return Err(Error::TooFewRows {
+            what: "trustworthiness",
+            needed: 2 * k + 1,
+            found: n,
+        });
     }
-    let mut queries: Vec<usize> = if n > options.rows { index::sample(rng, n, options.rows).into_vec() } else { (0..n).collect() };
+    let mut queries: Vec<usize> = if n > options.rows {
+        index::sample(rng, n, options.rows).into_vec()
+    } else {
+        (0..n).collect()
+    };
     queries.sort_unstable();
     let near = nearest(space, &queries, k, Exclude::Itself)?;
     let near_on_map = nearest_on_map(table, map, &queries, k)?;
-    let both = |query: usize| near_on_map.rows(query).iter().filter(|row| near.rows(query).contains(row)).count();
+    let both = |query: usize| {
+        near_on_map
+            .rows(query)
+            .iter()
+            .filter(|row| near.rows(query).contains(row))
+            .count()
+    };
     let kept: usize = (0..queries.len()).map(both).sum();
-    let intruders = |(at, &query): (usize, &usize)| excess_rank(space, query, near_on_map.rows(at), near.rows(at));
+    let intruders = |(at, &query): (usize, &usize)| {
+        excess_rank(space, query, near_on_map.rows(at), near.rows(at))
+    };
     let excess: u64 = queries.par_iter().enumerate().map(intruders).sum();
     let (n, k, count) = (n as f64, k as f64, queries.len() as f64);
     let trustworthiness = 1.0 - 2.0 / (count * k * (2.0 * n - 3.0 * k - 1.0)) * excess as f64;
-    Ok(Quality { trustworthiness, kept: kept as f64 / (count * k), k: options.k, rows: queries.len() })
+    Ok(Quality {
+        trustworthiness,
+        kept: kept as f64 / (count * k),
+        k: options.k,
+        rows: queries.len(),
+    })
 }
 
 /// The `k` nearest rows on the map.
-fn nearest_on_map(table: &Table<'_>, map: &[[f32; 2]], queries: &[usize], k: usize) -> Result<Neighbours, Error> {
+fn nearest_on_map(
+    table: &Table<'_>,
+    map: &[[f32; 2]],
+    queries: &[usize],
+    k: usize,
+) -> Result<Neighbours, Error> {
     let flat = Table::new(2, map.as_flattened(), table.episode(), table.step())?;
-    nearest(&Space::new(flat, Metric::Euclidean)?, queries, k, Exclude::Itself)
+    nearest(
+        &Space::new(flat, Metric::Euclidean)?,
+        queries,
+        k,
+        Exclude::Itself,
+    )
 }
 
 /// `Σ_j max(0, r(query, j) - k)` over the map's neighbours that are not the space's.
@@ -99,5 +134,7 @@ fn excess_rank(space: &Space<'_>, query: usize, on_map: &[u32], near: &[u32]) ->
         *rank += closer;
         Some(*rank + 1)
     });
-    ranks.map(|rank| rank.saturating_sub(near.len() as u64)).sum()
+    ranks
+        .map(|rank| rank.saturating_sub(near.len() as u64))
+        .sum()
 }

@@ -71,8 +71,16 @@ impl Rounds {
                 let first = (mix(low << 32 | high) % ROUNDS as u64) as usize;
                 let second = (first + ROUNDS / 2) % ROUNDS;
                 let share = weight / largest;
-                by_round[first].push(Edge { target, share, repels: vertex < target });
-                by_round[second].push(Edge { target, share, repels: vertex > target });
+                by_round[first].push(Edge {
+                    target,
+                    share,
+                    repels: vertex < target,
+                });
+                by_round[second].push(Edge {
+                    target,
+                    share,
+                    repels: vertex > target,
+                });
             }
             for round in by_round {
                 offsets.push(edges.len());
@@ -97,26 +105,54 @@ impl Descent {
         for epoch in 0..self.epochs {
             for round in 0..ROUNDS {
                 let old = positions.as_slice();
-                next.par_iter_mut().enumerate().with_min_len(CHUNK).for_each(|(vertex, position)| {
-                    let draws = Draws::new(self.seed, epoch * ROUNDS + round, vertex);
-                    *position = self.gather(epoch, (vertex, old[vertex]), rounds.edges(vertex, round), old, draws);
-                });
+                next.par_iter_mut()
+                    .enumerate()
+                    .with_min_len(CHUNK)
+                    .for_each(|(vertex, position)| {
+                        let draws = Draws::new(self.seed, epoch * ROUNDS + round, vertex);
+                        *position = self.gather(
+                            epoch,
+                            (vertex, old[vertex]),
+                            rounds.edges(vertex, round),
+                            old,
+                            draws,
+                        );
+                    });
                 std::mem::swap(positions, &mut next);
             }
         }
     }
 
     /// Lay out new points `placed` against old ones, which stand still. `shares` `[new, k]`: how often each edge acts.
-    pub(super) fn place(self, neighbours: &Neighbours, shares: &[f32], old: &[Position], placed: &mut [Position]) {
+    pub(super) fn place(
+        self,
+        neighbours: &Neighbours,
+        shares: &[f32],
+        old: &[Position],
+        placed: &mut [Position],
+    ) {
         let k = neighbours.k();
-        placed.par_iter_mut().enumerate().with_min_len(CHUNK).for_each(|(query, position)| {
-            let near = neighbours.rows(query).iter().zip(&shares[query * k..(query + 1) * k]);
-            let edges: Vec<Edge> = near.map(|(&target, &share)| Edge { target, share, repels: true }).collect();
-            for epoch in 0..self.epochs {
-                let draws = Draws::new(self.seed, epoch, query);
-                *position = self.gather(epoch, (usize::MAX, *position), &edges, old, draws);
-            }
-        });
+        placed
+            .par_iter_mut()
+            .enumerate()
+            .with_min_len(CHUNK)
+            .for_each(|(query, position)| {
+                let near = neighbours
+                    .rows(query)
+                    .iter()
+                    .zip(&shares[query * k..(query + 1) * k]);
+                let edges: Vec<Edge> = near
+                    .map(|(&target, &share)| Edge {
+                        target,
+                        share,
+                        repels: true,
+                    })
+                    .collect();
+                for epoch in 0..self.epochs {
+                    let draws = Draws::new(self.seed, epoch, query);
+                    *position = self.gather(epoch, (usize::MAX, *position), &edges, old, draws);
+                }
+            });
     }
 
     /// One vertex's position after its edges have acted on it.
@@ -159,12 +195,21 @@ impl Descent {
 
 /// Move `at` by the forces the others exert on it there.
 #[inline]
-fn moved<const N: usize>(at: Position, others: &[Position; N], forces: &Forces<N>, rate: f32) -> Position {
+fn moved<const N: usize>(
+    at: Position,
+    others: &[Position; N],
+    forces: &Forces<N>,
+    rate: f32,
+) -> Position {
     let x: [f32; N] = std::array::from_fn(|lane| at[0] - others[lane][0]);
     let y: [f32; N] = std::array::from_fn(|lane| at[1] - others[lane][1]);
-    let force = forces.at(&std::array::from_fn(|lane| x[lane] * x[lane] + y[lane] * y[lane]));
+    let force = forces.at(&std::array::from_fn(|lane| {
+        x[lane] * x[lane] + y[lane] * y[lane]
+    }));
     let sum = |difference: [f32; N]| {
-        (0..N).map(|lane| (force[lane] * difference[lane]).clamp(-LONGEST, LONGEST)).sum::<f32>()
+        (0..N)
+            .map(|lane| (force[lane] * difference[lane]).clamp(-LONGEST, LONGEST))
+            .sum::<f32>()
     };
     [at[0] + rate * sum(x), at[1] + rate * sum(y)]
 }

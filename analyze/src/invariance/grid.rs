@@ -1,0 +1,199 @@
+//! Which row of the table is cell (state, distractor) at a step.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::{Error, Table};
+
+/// A complete grid: every state trajectory under every distractor trajectory, over the steps all cells have.
+#[derive(Debug, Clone)]
+pub struct Grid<'a> {
+    table: Table<'a>,
+    states: Vec<u32>,
+    distractors: Vec<u32>,
+    steps: Vec<u32>,
+    /// `[states, distractors, steps]`.
+    pub(super) rows: Vec<usize>,
+    dropped: Vec<u32>,
+}
+
+impl<'a> Grid<'a> {
+    /// The grid of a table. Rows outside any cell are passed over; steps that some cell lacks are left out.
+    ///
+    /// # Errors
+    /// No grid columns, fewer than two states or distractors, a cell that is missing, a step that occurs twice in a cell, or no common step.
+    pub fn new(table: Table<'a>) -> Result<Self, Error> {
+        let (cells, states, distractors) = cells(&table)?;
+        let missing = missing(&cells, &states, &distractors);
+        if let Some(&(state, distractor)) = missing.first() {
+            let cells = states.len() * distractors.len();
+            return Err(Error::GridHoles {
+                state,
+                distractor,
+                missing: missing.len(),
+                cells,
+            });
+        }
+        Self::of_cells(table, &cells, states, distractors, Vec::new())
+    }
+
+    /// As [`Grid::new`], but state trajectories with a missing cell are left out; [`Grid::dropped`] names them.
+    ///
+    /// # Errors
+    /// As [`Grid::new`], if fewer than two complete states remain.
+    pub fn of_complete_states(table: Table<'a>) -> Result<Self, Error> {
+        let (cells, states, distractors) = cells(&table)?;
+        let dropped: BTreeSet<u32> = missing(&cells, &states, &distractors)
+            .iter()
+            .map(|&(state, _)| state)
+            .collect();
+        let states = states
+            .into_iter()
+            .filter(|state| !dropped.contains(state))
+            .collect();
+        Self::of_cells(
+            table,
+            &cells,
+            states,
+            distractors,
+            dropped.into_iter().collect(),
+        )
+    }
+
+    fn of_cells(
+        table: Table<'a>,
+        cells: &Cells,
+        states: Vec<u32>,
+        distractors: Vec<u32>,
+        dropped: Vec<u32>,
+    ) -> Result<Self, Error> {
+        for (what, found) in [
+            ("the invariance split: states", states.len()),
+            ("the invariance split: distractors", distractors.len()),
+        ] {
+            if found < 2 {
+                return Err(Error::TooFewRows {
+                    what,
+                    needed: 2,
+                    found,
+                });
+            }
+        }
+        let kept = || {
+            states.iter().flat_map(|&state| {
+                distractors
+                    .iter()
+                    .map(move |&distractor| (state, distractor))
+            })
+        };
+        let mut count: BTreeMap<u32, usize> = BTreeMap::new();
+        for cell in kept() {
+            cells[&cell]
+                .keys()
+                .for_each(|&step| *count.entry(step).or_default() += 1);
+        }
+        let all = states.len() * distractors.len();
+        let steps: Vec<u32> = count
+            .into_iter()
+            .filter(|&(_, cells)| cells == all)
+            .map(|(step, _)| step)
+            .collect();
+        if steps.is_empty() {
+            return Err(Error::TooFewRows {
+                what: "the invariance split: steps every cell has",
+                needed: 1,
+                found: 0,
+            });
+        }
+        let rows = kept()
+            .flat_map(|cell| steps.iter().map(move |step| cells[&cell][step]))
+            .collect();
+        Ok(Self {
+            table,
+            states,
+            distractors,
+            steps,
+            rows,
+            dropped,
+        })
+    }
+
+    /// The table.
+    #[must_use]
+    pub fn table(&self) -> &Table<'a> {
+        &self.table
+    }
+
+    /// State trajectories, rising.
+    #[must_use]
+    pub fn states(&self) -> &[u32] {
+        &self.states
+    }
+
+    /// Distractor trajectories, rising.
+    #[must_use]
+    pub fn distractors(&self) -> &[u32] {
+        &self.distractors
+    }
+
+    /// Steps every cell has, rising.
+    #[must_use]
+    pub fn steps(&self) -> &[u32] {
+        &self.steps
+    }
+
+    /// State trajectories left out because a cell of theirs is missing.
+    #[must_use]
+    pub fn dropped(&self) -> &[u32] {
+        &self.dropped
+    }
+
+    /// The table's row of a cell at a step; all three are positions in the lists above.
+    #[must_use]
+    pub fn row(&self, state: usize, distractor: usize, step: usize) -> usize {
+        self.rows[(state * self.distractors.len() + distractor) * self.steps.len() + step]
+    }
+}
+
+/// The row of each step, for each cell.
+type Cells = BTreeMap<(u32, u32), BTreeMap<u32, usize>>;
+
+fn cells(table: &Table<'_>) -> Result<(Cells, Vec<u32>, Vec<u32>), Error> {
+    let mut cells = Cells::new();
+    for row in 0..table.rows() {
+        let Some((state, distractor)) = table.cell(row) else {
+            continue;
+        };
+        let step = table.step()[row];
+        if cells
+            .entry((state, distractor))
+            .or_default()
+            .insert(step, row)
+            .is_some()
+        {
+            return Err(Error::RepeatedStep {
+                state,
+                distractor,
+                step,
+            });
+        }
+    }
+    if cells.is_empty() {
+        return Err(Error::NoGrid);
+    }
+    let states: BTreeSet<u32> = cells.keys().map(|&(state, _)| state).collect();
+    let distractors: BTreeSet<u32> = cells.keys().map(|&(_, distractor)| distractor).collect();
+    Ok((
+        cells,
+        states.into_iter().collect(),
+        distractors.into_iter().collect(),
+    ))
+}
+
+fn missing(cells: &Cells, states: &[u32], distractors: &[u32]) -> Vec<(u32, u32)> {
+    let all = states.iter().flat_map(|&state| {
+        distractors
+            .iter()
+            .map(move |&distractor| (state, distractor))
+    });
+    all.filter(|cell| !cells.contains_key(cell)).collect()
+}
