@@ -1,1 +1,34 @@
-//! Skeleton.
+//! The recording format that the three programs share: what an episode is, how it lies on disk, and how to read it back.
+//!
+//! In: finished episodes from `vibes-collect`, latents from `vibes-train`. Out: a folder of Arrow and MCAP files with a
+//! manifest, memory-mapped views of it, random windows for training, and a table of latents for analysis.
+//! The format itself is specified in this package's `README.md`.
+
+mod arrow_table;
+mod atomic;
+mod episode;
+mod error;
+mod latents;
+mod manifest;
+mod map;
+mod mcap_log;
+mod recording;
+mod spec;
+mod verify;
+mod view;
+mod windows;
+mod writer;
+
+pub use arrow_table::{episode_schema, read_episode_entry};
+pub use atomic::{sha256_hex, write_atomically};
+pub use episode::{BackgroundFrame, CameraPose, Episode, EpisodeBuilder, Frame};
+pub use error::{Error, Result};
+pub use latents::{Latents, LatentsSource, LatentsWriter};
+pub use manifest::{Cell, EpisodeEntry, FORMAT, FileEntry, Grid, Manifest, Video};
+pub use mcap_log::{mcap_bytes, read_mcap};
+pub use recording::Recording;
+pub use spec::{ActionSpec, ImageSize, ObservationPart, Spec};
+pub use verify::{Finding, verify_episode, verify_recording};
+pub use view::EpisodeView;
+pub use windows::{WindowBatch, WindowSampler};
+pub use writer::{EpisodeInfo, RecordingWriter};

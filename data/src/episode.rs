@@ -1,0 +1,166 @@
+//! One episode in memory, and the one place that says how observations, actions and rewards line up.
+//!
+//! **The rule**: row t of an episode of T actions (t = 0..=T) holds the observation `o_t`, the action `a_t` taken there and
+//! the reward `r_t = r(s_t, a_t)` it earned, summed over the action repeat. Row T has `is_last`, and no action, reward or
+//! discount. [`EpisodeBuilder`] can build nothing else: frames and transitions come to it in the order they happen.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Cell, Error, Result, Spec};
+
+/// A finished episode, column by column. T is the number of actions.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Episode {
+    /// The episode's number.
+    pub index: u32,
+    /// Its place in the grid, if there is one.
+    pub cell: Option<Cell>,
+    /// Whether the last state is terminal (value 0 from there), not only the last recorded.
+    pub is_terminal: bool,
+    /// `[T, action]`, in the task's own bounds.
+    pub actions: Vec<f32>,
+    /// `[T]`, summed over the action repeat.
+    pub rewards: Vec<f32>,
+    /// `[T]`, 0 where the task ended.
+    pub discounts: Vec<f32>,
+    /// `[T + 1, observation]`.
+    pub observations: Vec<f32>,
+    /// `[T + 1, qpos]`.
+    pub qpos: Vec<f64>,
+    /// `[T + 1, qvel]`.
+    pub qvel: Vec<f64>,
+    /// `[T + 1, height, width, 3]`, or empty.
+    pub pixels: Vec<u8>,
+    /// `[T + 1]`.
+    pub cameras: Vec<CameraPose>,
+    /// `[T + 1]`, none where the background is the model's own sky.
+    pub backgrounds: Vec<Option<BackgroundFrame>>,
+    /// `[T + 1, 3 · materials]`, RGB in `0..=1`.
+    pub colors: Vec<f32>,
+}
+
+/// The camera's state in the Distracting Control Suite's spherical coordinates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CameraPose {
+    /// Distance from the origin (or from the tracked centre of mass), metres.
+    pub r: f64,
+    /// Azimuth, radians.
+    pub h: f64,
+    /// Inclination from the vertical, radians.
+    pub v: f64,
+    /// Roll about the optical axis, radians.
+    pub roll: f64,
+}
+
+/// Which frame of which background video is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BackgroundFrame {
+    /// Index into the manifest's videos.
+    pub video: u32,
+    /// Frame of that video.
+    pub frame: u32,
+}
+
+/// Everything seen at one row: the state, the picture and the distractors' parameters.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Frame {
+    /// `[observation]`.
+    pub observation: Vec<f32>,
+    /// `[qpos]`.
+    pub qpos: Vec<f64>,
+    /// `[qvel]`.
+    pub qvel: Vec<f64>,
+    /// `[height, width, 3]`, or empty.
+    pub pixels: Vec<u8>,
+    /// The camera.
+    pub camera: CameraPose,
+    /// The background.
+    pub background: Option<BackgroundFrame>,
+    /// `[3 · materials]`.
+    pub colors: Vec<f32>,
+}
+
+/// Builds an [`Episode`] in the order in which things happen.
+#[derive(Clone, Debug)]
+pub struct EpisodeBuilder {
+    episode: Episode,
+}
+
+impl EpisodeBuilder {
+    /// Begins an episode with what is seen at row 0.
+    pub fn first(index: u32, cell: Option<Cell>, frame: Frame) -> Self {
+        let episode = Episode { index, cell, ..Episode::default() };
+        let mut builder = Self { episode };
+        builder.push(frame);
+        builder
+    }
+
+    /// The action taken at the latest row, what it earned there, and what is seen next.
+    pub fn step(&mut self, action: &[f32], reward: f32, discount: f32, next: Frame) {
+        self.episode.actions.extend_from_slice(action);
+        self.episode.rewards.push(reward);
+        self.episode.discounts.push(discount);
+        self.push(next);
+    }
+
+    /// Ends the episode at the latest row.
+    pub fn finish(mut self, is_terminal: bool) -> Episode {
+        self.episode.is_terminal = is_terminal;
+        self.episode
+    }
+
+    fn push(&mut self, frame: Frame) {
+        let episode = &mut self.episode;
+        episode.observations.extend(frame.observation);
+        episode.qpos.extend(frame.qpos);
+        episode.qvel.extend(frame.qvel);
+        episode.pixels.extend(frame.pixels);
+        episode.cameras.push(frame.camera);
+        episode.backgrounds.push(frame.background);
+        episode.colors.extend(frame.colors);
+    }
+}
+
+impl Episode {
+    /// Number of actions T.
+    pub fn steps(&self) -> usize {
+        self.rewards.len()
+    }
+
+    /// Number of rows, T + 1.
+    pub fn rows(&self) -> usize {
+        self.steps() + 1
+    }
+
+    /// Sum of the rewards.
+    pub fn episode_return(&self) -> f64 {
+        self.rewards.iter().map(|&reward| f64::from(reward)).sum()
+    }
+
+    /// Checks every column's length against the spec.
+    ///
+    /// # Errors
+    /// [`Error::Episode`] naming the first column that does not fit.
+    pub fn check(&self, spec: &Spec) -> Result<()> {
+        let (steps, rows) = (self.steps(), self.rows());
+        let columns = [
+            ("action", self.actions.len(), steps * spec.action_len()),
+            ("discount", self.discounts.len(), steps),
+            ("observation", self.observations.len(), rows * spec.observation_len()),
+            ("qpos", self.qpos.len(), rows * spec.qpos),
+            ("qvel", self.qvel.len(), rows * spec.qvel),
+            ("pixels", self.pixels.len(), rows * spec.pixels_len()),
+            ("camera", self.cameras.len(), rows),
+            ("video and frame", self.backgrounds.len(), rows),
+            ("colors", self.colors.len(), rows * 3 * spec.materials.len()),
+        ];
+        match columns.into_iter().find(|(_, found, expected)| found != expected) {
+            None => Ok(()),
+            Some((column, found, expected)) => Err(Error::Episode {
+                index: self.index,
+                fact: format!("{column} holds {found} numbers"),
+                expected: format!("{expected} for {steps} actions"),
+            }),
+        }
+    }
+}

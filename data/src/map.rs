@@ -1,0 +1,148 @@
+//! A memory-mapped Arrow file. Every offset and length in it is checked against the file before Arrow follows them, since a
+//! file may be truncated, damaged or hostile. Out: the schema and the record batches, whose buffers are the mapped pages.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use arrow::buffer::Buffer;
+use arrow::datatypes::{Schema, SchemaRef};
+use arrow::ipc::convert::fb_to_schema;
+use arrow::ipc::reader::{FileDecoder, read_footer_length};
+use arrow::ipc::{Block, MetadataVersion, root_as_footer, root_as_message};
+use arrow::record_batch::RecordBatch;
+use memmap2::Mmap;
+
+use crate::{Error, Result};
+
+/// The last bytes of an Arrow file: footer length and magic.
+const TRAILER: usize = 10;
+
+/// An open Arrow file.
+#[derive(Debug)]
+pub(crate) struct MappedTable {
+    path: PathBuf,
+    buffer: Buffer,
+    schema: SchemaRef,
+    version: MetadataVersion,
+    blocks: Vec<Block>,
+}
+
+impl MappedTable {
+    /// Maps a file and reads its footer.
+    pub(crate) fn open(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(Error::io("open", path))?;
+        let length = file.metadata().map_err(Error::io("read", path))?.len();
+        if length < 2 * TRAILER as u64 {
+            return Err(Error::malformed(path, format!("{length} bytes"), "a whole Arrow file"));
+        }
+        #[allow(unsafe_code, reason = "mapping a file is unsafe because another process could change it")]
+        // SAFETY: files of a recording are renamed into place when finished and never written again.
+        let pages = unsafe { Mmap::map(&file) }.map_err(Error::io("map", path))?;
+        let buffer = Buffer::from(bytes_of(pages));
+        let broken = |fact: String| Error::malformed(path, fact, "a whole Arrow file");
+        let start = buffer.len() - TRAILER;
+        let mut trailer = [0; TRAILER];
+        trailer.copy_from_slice(&buffer[start..]);
+        let footer_length = read_footer_length(trailer).map_err(|error| broken(error.to_string()))?;
+        let footer_start =
+            start.checked_sub(footer_length).ok_or_else(|| broken("a footer longer than the file".into()))?;
+        let footer = root_as_footer(&buffer[footer_start..start])
+            .map_err(|error| broken(format!("a damaged footer ({error})")))?;
+        let schema = footer.schema().ok_or_else(|| broken("no schema".into()))?;
+        if schema.fields().is_none() || footer.dictionaries().is_some_and(|list| !list.is_empty()) {
+            return Err(broken("a schema without fields, or dictionaries".into()));
+        }
+        let blocks: Vec<Block> = footer.recordBatches().iter().flatten().copied().collect();
+        let version = footer.version();
+        let schema = checked_schema(schema).ok_or_else(|| broken("a schema of unknown types".into()))?;
+        Ok(Self { path: path.into(), buffer: buffer.clone(), schema: Arc::new(schema), version, blocks })
+    }
+
+    pub(crate) fn schema(&self) -> SchemaRef {
+        self.schema.clone()
+    }
+
+    pub(crate) fn batches(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// One record batch, its buffers in the mapped pages.
+    pub(crate) fn batch(&self, index: usize) -> Result<RecordBatch> {
+        let broken = |fact: String| Error::malformed(&self.path, fact, "a whole Arrow file");
+        let block = self.blocks.get(index).ok_or_else(|| broken("no rows".into()))?;
+        let slice = self.block_slice(block).ok_or_else(|| broken("a record batch outside the file".into()))?;
+        if !message_is_sound(&slice, block) {
+            return Err(broken("a damaged record batch".into()));
+        }
+        FileDecoder::new(self.schema(), self.version)
+            .read_record_batch(block, &slice)
+            .map_err(|error| broken(error.to_string()))?
+            .ok_or_else(|| broken("an empty record batch".into()))
+    }
+
+    fn block_slice(&self, block: &Block) -> Option<Buffer> {
+        let offset = usize::try_from(block.offset()).ok()?;
+        let length =
+            usize::try_from(block.bodyLength()).ok()?.checked_add(usize::try_from(block.metaDataLength()).ok()?)?;
+        let end = offset.checked_add(length)?;
+        (end <= self.buffer.len() && length >= 8).then(|| self.buffer.slice_with_length(offset, length))
+    }
+}
+
+fn bytes_of(pages: Mmap) -> bytes::Bytes {
+    bytes::Bytes::from_owner(pages)
+}
+
+/// Flatbuffers check offsets, not meaning: a type may lack its parameters, and the conversion panics on some of those.
+fn checked_schema(schema: arrow::ipc::Schema<'_>) -> Option<Schema> {
+    fn field_is_sound(field: arrow::ipc::Field<'_>, depth: usize) -> bool {
+        use arrow::ipc::Type;
+        let children: Vec<_> = field.children().iter().flatten().collect();
+        let shape = match field.type_type() {
+            Type::Int => field.type_as_int().is_some_and(|int| matches!(int.bitWidth(), 8 | 16 | 32 | 64)),
+            Type::FloatingPoint => {
+                field.type_as_floating_point().is_some_and(|float| (0..=2).contains(&float.precision().0))
+            }
+            Type::FixedSizeBinary => field.type_as_fixed_size_binary().is_some_and(|binary| binary.byteWidth() >= 0),
+            Type::FixedSizeList => {
+                field.type_as_fixed_size_list().is_some_and(|list| list.listSize() >= 0) && children.len() == 1
+            }
+            Type::List | Type::LargeList => children.len() == 1,
+            Type::Bool | Type::Utf8 | Type::LargeUtf8 | Type::Struct_ => true,
+            _ => false,
+        };
+        shape
+            && field.dictionary().is_none()
+            && depth < 8
+            && children.into_iter().all(|child| field_is_sound(child, depth + 1))
+    }
+    let fields = schema.fields()?;
+    fields.iter().all(|field| field_is_sound(field, 0)).then(|| fb_to_schema(schema))
+}
+
+/// Whether a record batch's buffers lie inside its body and its header is where the block says.
+fn message_is_sound(slice: &[u8], block: &Block) -> bool {
+    let continuation = slice[..4] == [0xff; 4];
+    let start = if continuation { 8 } else { 4 };
+    let metadata = usize::try_from(block.metaDataLength()).unwrap_or(0);
+    let Some(header) = slice.get(start..metadata) else { return false };
+    let Ok(message) = root_as_message(header) else { return false };
+    let Some(batch) = message.header_as_record_batch() else { return false };
+    let body = block.bodyLength();
+    let inside = |offset: i64, length: i64| {
+        offset >= 0 && length >= 0 && offset.checked_add(length).is_some_and(|end| end <= body)
+    };
+    let nodes = batch
+        .nodes()
+        .iter()
+        .flatten()
+        .all(|node| node.length() >= 0 && (0..=node.length()).contains(&node.null_count()));
+    let buffers = batch.buffers().iter().flatten().all(|buffer| inside(buffer.offset(), buffer.length()));
+    batch.length() >= 0
+        && nodes
+        && buffers
+        && batch.compression().is_none()
+        && batch.nodes().is_some()
+        && batch.buffers().is_some()
+}

@@ -1,0 +1,210 @@
+//! An episode as an MCAP log, for Foxglove and Rerun: pictures as `foxglove.RawImage`, steps and distractors as Protobuf
+//! messages of our own whose schemas are in the file. In: an [`Episode`]. Out: the bytes of the log, and the episode again.
+//!
+//! Topics: `/pixels` (`foxglove.RawImage`), `/step` (`vibes.Step`), `/distractor` (`vibes.Distractor`). A message's time is
+//! its row's time in the episode, in nanoseconds from the start. The metadata record `vibes` holds spec and entry as JSON.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use std::path::Path;
+use std::sync::Arc;
+
+use foxglove::Encode;
+use foxglove::messages::{RawImage, Timestamp};
+use mcap::records::MessageHeader;
+use mcap::{MessageStream, WriteOptions};
+use prost::Message;
+
+use crate::mcap_log::messages::{Distractor, Step, file_descriptor_set};
+use crate::{BackgroundFrame, CameraPose, Cell, Episode, EpisodeEntry, Error, Result, Spec};
+
+mod messages;
+
+const PIXELS: &str = "/pixels";
+const STEP: &str = "/step";
+const DISTRACTOR: &str = "/distractor";
+
+/// The bytes of an episode's MCAP log.
+///
+/// # Errors
+/// [`Error::Episode`] when the log cannot hold it.
+pub fn mcap_bytes(episode: &Episode, spec: &Spec, entry: &EpisodeEntry) -> Result<Vec<u8>> {
+    write(episode, spec, entry).map_err(|error| Error::Episode {
+        index: episode.index,
+        fact: error.to_string(),
+        expected: "rows that MCAP can hold".into(),
+    })
+}
+
+fn write(episode: &Episode, spec: &Spec, entry: &EpisodeEntry) -> anyhow_free::Result<Vec<u8>> {
+    // One thread of compression, so that the bytes do not depend on the machine.
+    let options = WriteOptions::new().profile("").library("vibes-data").compression_threads(0);
+    let mut log = options.create(Cursor::new(Vec::with_capacity(episode.pixels.len())))?;
+    let image_schema = RawImage::get_schema().map(|schema| (schema.name, schema.data));
+    let (image_name, image_data) = image_schema.unwrap_or(("foxglove.RawImage".into(), Cow::Borrowed(&[])));
+    let ours = file_descriptor_set().encode_to_vec();
+    let mut channel = |topic: &str, name: &str, data: &[u8]| -> mcap::McapResult<u16> {
+        let schema = log.add_schema(name, "protobuf", data)?;
+        log.add_channel(schema, topic, "protobuf", &BTreeMap::new())
+    };
+    let steps = channel(STEP, "vibes.Step", &ours)?;
+    let distractors = channel(DISTRACTOR, "vibes.Distractor", &ours)?;
+    let images = match spec.pixels {
+        Some(_) => Some(channel(PIXELS, &image_name, &image_data)?),
+        None => None,
+    };
+    for row in 0..episode.rows() {
+        let time = row_time(spec, row);
+        let mut put = |channel_id: u16, body: Vec<u8>| {
+            let header = MessageHeader { channel_id, sequence: row as u32, log_time: time, publish_time: time };
+            log.write_to_known_channel(&header, &body)
+        };
+        if let (Some(images), Some(size)) = (images, spec.pixels) {
+            let bytes = size.bytes();
+            put(images, image(&episode.pixels[row * bytes..(row + 1) * bytes], size, time).encode_to_vec())?;
+        }
+        put(steps, step(episode, spec, row).encode_to_vec())?;
+        put(distractors, distractor(episode, spec, row).encode_to_vec())?;
+    }
+    let json = BTreeMap::from([
+        ("spec".to_owned(), serde_json::to_string(spec)?),
+        ("episode".to_owned(), serde_json::to_string(entry)?),
+    ]);
+    log.write_metadata(&mcap::records::Metadata { name: "vibes".into(), metadata: json })?;
+    log.finish()?;
+    Ok(log.into_inner().into_inner())
+}
+
+/// The two kinds of failure inside [`write`], joined without a dependency.
+mod anyhow_free {
+    pub(super) type Result<T> = std::result::Result<T, Box<dyn std::error::Error + Send + Sync>>;
+}
+
+fn row_time(spec: &Spec, row: usize) -> u64 {
+    (row as f64 * spec.agent_timestep() * 1e9).round() as u64
+}
+
+fn image(pixels: &[u8], size: crate::ImageSize, time: u64) -> RawImage {
+    RawImage {
+        timestamp: Some(Timestamp::new((time / 1_000_000_000) as u32, (time % 1_000_000_000) as u32)),
+        frame_id: "camera".into(),
+        width: size.width,
+        height: size.height,
+        encoding: "rgb8".into(),
+        step: 3 * size.width,
+        data: pixels.to_vec().into(),
+    }
+}
+
+fn step(episode: &Episode, spec: &Spec, row: usize) -> Step {
+    let acted = row < episode.steps();
+    let last = !acted;
+    Step {
+        episode: episode.index,
+        step: row as u32,
+        state: episode.cell.map(|cell| cell.state),
+        distractor: episode.cell.map(|cell| cell.distractor),
+        is_first: row == 0,
+        is_last: last,
+        is_terminal: last && episode.is_terminal,
+        action: if acted { slice(&episode.actions, row, spec.action_len()) } else { Vec::new() },
+        reward: acted.then(|| episode.rewards[row]),
+        discount: acted.then(|| episode.discounts[row]),
+        observation: slice(&episode.observations, row, spec.observation_len()),
+        qpos: slice(&episode.qpos, row, spec.qpos),
+        qvel: slice(&episode.qvel, row, spec.qvel),
+    }
+}
+
+fn distractor(episode: &Episode, spec: &Spec, row: usize) -> Distractor {
+    let CameraPose { r, h, v, roll } = episode.cameras[row];
+    let background = episode.backgrounds[row];
+    Distractor {
+        r,
+        h,
+        v,
+        roll,
+        video: background.map(|shown| shown.video),
+        frame: background.map(|shown| shown.frame),
+        colors: slice(&episode.colors, row, 3 * spec.materials.len()),
+    }
+}
+
+fn slice<T: Clone>(values: &[T], row: usize, len: usize) -> Vec<T> {
+    values[row * len..(row + 1) * len].to_vec()
+}
+
+/// Reads an episode back from its MCAP log.
+///
+/// # Errors
+/// [`Error::Malformed`] for a damaged log, or rows that do not fit the spec.
+pub fn read_mcap(path: &Path, spec: &Spec) -> Result<Episode> {
+    let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
+    let broken = |fact: String| Error::malformed(path, fact, "a whole MCAP log of an episode");
+    if let Some(fault) = oversized_chunk(&bytes) {
+        return Err(broken(fault));
+    }
+    let mut episode = Episode::default();
+    for message in MessageStream::new(&bytes).map_err(|error| broken(error.to_string()))? {
+        let message = message.map_err(|error| broken(error.to_string()))?;
+        append(&mut episode, &message.channel, &message.data).map_err(broken)?;
+    }
+    if episode.cameras.is_empty() {
+        return Err(broken("no steps".into()));
+    }
+    episode.check(spec)?;
+    Ok(episode)
+}
+
+/// No chunk of ours comes near this; a damaged size must not become an allocation.
+const LARGEST_CHUNK: u64 = 1 << 28;
+
+/// Walks the records (one byte of opcode, eight of length) and looks at the uncompressed size in each chunk's header, since
+/// the reader allocates that much before it decompresses.
+fn oversized_chunk(bytes: &[u8]) -> Option<String> {
+    const MAGIC: usize = 8;
+    const CHUNK: u8 = 0x06;
+    let number = |at: usize| Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?));
+    let mut at = MAGIC;
+    while let (Some(&opcode), Some(length)) = (bytes.get(at), number(at + 1)) {
+        let body = at + 9;
+        let Some(end) = usize::try_from(length).ok().and_then(|length| body.checked_add(length)) else {
+            return Some(format!("a record of {length} bytes"));
+        };
+        match number(body + 16) {
+            Some(size) if opcode == CHUNK && size > LARGEST_CHUNK => return Some(format!("a chunk of {size} bytes")),
+            _ => at = end,
+        }
+    }
+    None
+}
+
+fn append(episode: &mut Episode, channel: &Arc<mcap::Channel<'_>>, data: &[u8]) -> std::result::Result<(), String> {
+    let text = |error: prost::DecodeError| error.to_string();
+    match channel.topic.as_str() {
+        PIXELS => episode.pixels.extend_from_slice(&RawImage::decode(data).map_err(text)?.data),
+        STEP => append_step(episode, Step::decode(data).map_err(text)?),
+        DISTRACTOR => {
+            let shown = Distractor::decode(data).map_err(text)?;
+            episode.cameras.push(CameraPose { r: shown.r, h: shown.h, v: shown.v, roll: shown.roll });
+            let background = shown.video.zip(shown.frame).map(|(video, frame)| BackgroundFrame { video, frame });
+            episode.backgrounds.push(background);
+            episode.colors.extend(shown.colors);
+        }
+        _ => {}
+    }
+    Ok(())
+}
+
+fn append_step(episode: &mut Episode, step: Step) {
+    episode.index = step.episode;
+    episode.cell = step.state.zip(step.distractor).map(|(state, distractor)| Cell { state, distractor });
+    episode.is_terminal |= step.is_terminal;
+    episode.actions.extend(step.action);
+    episode.rewards.extend(step.reward);
+    episode.discounts.extend(step.discount);
+    episode.observations.extend(step.observation);
+    episode.qpos.extend(step.qpos);
+    episode.qvel.extend(step.qvel);
+}

@@ -1,0 +1,114 @@
+//! An open recording: its manifest, and its episodes memory-mapped on demand.
+//!
+//! A recording that was killed half-way opens too: finished episodes that the manifest does not list yet are found by their
+//! files, which carry their own entries.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::arrow_table::read_episode_entry;
+use crate::{EpisodeEntry, EpisodeView, Error, FileEntry, Manifest, Result};
+
+/// The folder of episode files inside a recording.
+pub(crate) const EPISODES: &str = "episodes";
+
+/// The manifest's file name.
+pub(crate) const MANIFEST: &str = "manifest.json";
+
+/// A recording on disk.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    path: PathBuf,
+    manifest: Manifest,
+}
+
+impl Recording {
+    /// Opens a recording.
+    ///
+    /// # Errors
+    /// [`Error::NoRecording`], or [`Error::Malformed`] for a damaged manifest.
+    pub fn open(path: &Path) -> Result<Self> {
+        let mut manifest = Manifest::read(&path.join(MANIFEST))?;
+        adopt_unlisted(path, &mut manifest)?;
+        Ok(Self { path: path.into(), manifest })
+    }
+
+    /// Where the recording lies.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What was asked for, and the list of episodes.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// Every finished episode, by number.
+    pub fn episodes(&self) -> &[EpisodeEntry] {
+        &self.manifest.episodes
+    }
+
+    /// Maps one episode, by its number.
+    ///
+    /// # Errors
+    /// [`Error::NoEpisode`], or [`Error::Malformed`] for a damaged file.
+    pub fn episode(&self, index: u32) -> Result<EpisodeView> {
+        let position = self.episodes().binary_search_by_key(&index, |entry| entry.index);
+        let no_episode = |_| Error::NoEpisode { index, count: self.episodes().len(), path: self.path.clone() };
+        let entry = &self.episodes()[position.map_err(no_episode)?];
+        let path = self.path.join(&entry.arrow.path);
+        let view = EpisodeView::open(&path, &self.manifest.spec)?;
+        if view.index() != index || view.steps() != entry.steps as usize || view.cell() != entry.cell {
+            let fact = format!("episode {} of {} steps in cell {:?}", view.index(), view.steps(), view.cell());
+            let expected =
+                format!("episode {index} of {} steps in cell {:?}, as the manifest says", entry.steps, entry.cell);
+            return Err(Error::malformed(path, fact, expected));
+        }
+        Ok(view)
+    }
+}
+
+/// The path of an episode's file inside the recording.
+pub(crate) fn episode_path(index: u32, ending: &str) -> String {
+    format!("{EPISODES}/{index:06}.{ending}")
+}
+
+/// Adds finished episodes that the manifest does not list.
+fn adopt_unlisted(path: &Path, manifest: &mut Manifest) -> Result<()> {
+    let mut entries: BTreeMap<u32, EpisodeEntry> =
+        manifest.episodes.drain(..).map(|entry| (entry.index, entry)).collect();
+    for index in finished_files(&path.join(EPISODES))? {
+        if let std::collections::btree_map::Entry::Vacant(vacant) = entries.entry(index) {
+            vacant.insert(adopt(path, index)?);
+        }
+    }
+    manifest.episodes = entries.into_values().collect();
+    Ok(())
+}
+
+fn adopt(path: &Path, index: u32) -> Result<EpisodeEntry> {
+    let file = |ending: &str| -> Result<FileEntry> {
+        let name = episode_path(index, ending);
+        let contents = std::fs::read(path.join(&name)).map_err(Error::io("read", path.join(&name)))?;
+        Ok(FileEntry::of(name, &contents))
+    };
+    let mut entry = read_episode_entry(&path.join(episode_path(index, "arrow")))?;
+    let has_mcap = path.join(episode_path(index, "mcap")).is_file();
+    entry.index = index;
+    entry.arrow = file("arrow")?;
+    entry.mcap = if has_mcap { Some(file("mcap")?) } else { None };
+    Ok(entry)
+}
+
+/// The numbers of the Arrow files in place; partial files have another ending.
+fn finished_files(folder: &Path) -> Result<Vec<u32>> {
+    let Ok(listing) = std::fs::read_dir(folder) else { return Ok(Vec::new()) };
+    let mut found = Vec::new();
+    for file in listing {
+        let name = file.map_err(Error::io("list", folder))?.file_name();
+        let number = name.to_str().and_then(|name| name.strip_suffix(".arrow")).filter(|stem| stem.len() == 6);
+        found.extend(number.and_then(|stem| stem.parse::<u32>().ok()));
+    }
+    found.sort_unstable();
+    Ok(found)
+}

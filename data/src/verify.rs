@@ -1,0 +1,64 @@
+//! Checks what can be checked without a simulator: every file's checksum, the columns and their alignment, and that the
+//! MCAP log tells the same episode as the Arrow table. In: a recording. Out: what is wrong, one finding a file.
+
+use std::path::{Path, PathBuf};
+
+use crate::{EpisodeEntry, Error, FileEntry, Recording, Result, Spec, read_mcap, sha256_hex};
+
+/// Something wrong with one file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finding {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    pub fault: String,
+}
+
+/// Checks every episode of a recording, one at a time.
+pub fn verify_recording(recording: &Recording) -> Vec<Finding> {
+    let check = |entry| verify_episode(recording, entry);
+    recording.episodes().iter().flat_map(check).collect()
+}
+
+/// Checks the files of one episode.
+pub fn verify_episode(recording: &Recording, entry: &EpisodeEntry) -> Vec<Finding> {
+    let files = [Some(&entry.arrow), entry.mcap.as_ref()];
+    let mut findings: Vec<Finding> =
+        files.into_iter().flatten().filter_map(|file| verify_file(recording.path(), file).err()).collect();
+    if findings.is_empty() {
+        let compared = compare(recording, entry, &recording.manifest().spec);
+        let path = recording.path().join(&entry.arrow.path);
+        findings.extend(compared.err().map(|fault| Finding { path, fault: fault.to_string() }));
+    }
+    findings
+}
+
+fn verify_file(folder: &Path, file: &FileEntry) -> std::result::Result<(), Finding> {
+    let path = folder.join(&file.path);
+    let fault = match std::fs::read(&path) {
+        Err(error) => format!("cannot be read: {error}"),
+        Ok(contents) if contents.len() as u64 != file.bytes => {
+            format!("{} bytes, the manifest says {}", contents.len(), file.bytes)
+        }
+        Ok(contents) if sha256_hex(&contents) != file.sha256 => "its checksum differs from the manifest's".into(),
+        Ok(_) => return Ok(()),
+    };
+    Err(Finding { path, fault })
+}
+
+fn compare(recording: &Recording, entry: &EpisodeEntry, spec: &Spec) -> Result<()> {
+    let episode = recording.episode(entry.index)?.to_episode();
+    episode.check(spec)?;
+    let total = episode.episode_return();
+    let path = recording.path().join(&entry.arrow.path);
+    if (total - entry.episode_return).abs() > 1e-6 * total.abs().max(1.0) {
+        let expected = format!("{} as the manifest says", entry.episode_return);
+        return Err(Error::malformed(path, format!("rewards sum to {total}"), expected));
+    }
+    match &entry.mcap {
+        Some(file) if read_mcap(&recording.path().join(&file.path), spec)? != episode => {
+            Err(Error::malformed(path, "the MCAP log holds another episode", "the same rows in both files"))
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,182 @@
+//! Writing a recording, episode by episode, so that it can be killed at any moment: every episode is written beside its
+//! place and renamed into it, the Arrow file last, and the same command goes on where it stopped.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use crate::arrow_table::arrow_bytes;
+use crate::atomic::PARTIAL;
+use crate::mcap_log::mcap_bytes;
+use crate::recording::{EPISODES, MANIFEST, episode_path};
+use crate::{Episode, EpisodeEntry, Error, FileEntry, Manifest, Recording, Result, write_atomically};
+
+/// How often the manifest follows the episodes while a recording grows; at the end it is always complete.
+const MANIFEST_EVERY: Duration = Duration::from_secs(2);
+
+/// What an episode's entry says beside what its columns hold.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct EpisodeInfo {
+    /// The behaviour policy.
+    pub policy: String,
+    /// The seed of the state trajectory.
+    pub seed: u64,
+    /// What the episode changed in the model, by object name.
+    pub model_overrides: serde_json::Value,
+}
+
+/// A recording that grows. Episodes may come from several threads and in any order.
+#[derive(Debug)]
+pub struct RecordingWriter {
+    path: PathBuf,
+    with_mcap: bool,
+    growing: Mutex<Growing>,
+}
+
+#[derive(Debug)]
+struct Growing {
+    manifest: Manifest,
+    flushed: Instant,
+}
+
+impl RecordingWriter {
+    /// Begins a recording, or goes on with the one that is there if it was asked for with the same options.
+    ///
+    /// # Errors
+    /// [`Error::OtherRecording`] when a recording of other options is there, [`Error::Malformed`] when it is damaged.
+    pub fn create_or_resume(path: &Path, manifest: Manifest, with_mcap: bool) -> Result<Self> {
+        let folder = path.join(EPISODES);
+        let manifest = match Recording::open(path) {
+            Ok(found) => {
+                same_request(path, found.manifest(), &manifest)?;
+                Manifest { episodes: found.episodes().to_vec(), ..manifest }
+            }
+            Err(Error::NoRecording { .. }) => manifest,
+            Err(error) => return Err(error),
+        };
+        std::fs::create_dir_all(&folder).map_err(Error::io("create", &folder))?;
+        remove_partial_files(&folder)?;
+        manifest.write(&path.join(MANIFEST))?;
+        let growing = Mutex::new(Growing { manifest, flushed: Instant::now() });
+        Ok(Self { path: path.into(), with_mcap, growing })
+    }
+
+    /// Whether the episode of this number is there already.
+    pub fn has(&self, index: u32) -> bool {
+        self.growing().manifest.episodes.binary_search_by_key(&index, |entry| entry.index).is_ok()
+    }
+
+    /// How many episodes are there.
+    pub fn len(&self) -> usize {
+        self.growing().manifest.episodes.len()
+    }
+
+    /// Whether no episode is there yet.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Writes one episode; afterwards it is there whole, or, on an error, not at all.
+    ///
+    /// # Errors
+    /// [`Error::Episode`] when its columns do not fit the spec, [`Error::Io`] when the disk is full.
+    pub fn write(&self, episode: &Episode, info: EpisodeInfo) -> Result<()> {
+        let spec = self.growing().manifest.spec.clone();
+        episode.check(&spec)?;
+        let mut entry = EpisodeEntry {
+            index: episode.index,
+            cell: episode.cell,
+            steps: episode.steps() as u32,
+            episode_return: episode.episode_return(),
+            policy: info.policy,
+            seed: info.seed,
+            model_overrides: info.model_overrides,
+            arrow: FileEntry::default(),
+            mcap: None,
+        };
+        let arrow = arrow_bytes(episode, &spec, &entry)?;
+        if self.with_mcap {
+            entry.mcap = Some(self.put(episode.index, "mcap", &mcap_bytes(episode, &spec, &entry)?)?);
+        }
+        entry.arrow = self.put(episode.index, "arrow", &arrow)?;
+        self.enlist(entry)
+    }
+
+    /// Completes the manifest.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn finish(self) -> Result<Recording> {
+        self.growing().manifest.write(&self.path.join(MANIFEST))?;
+        Recording::open(&self.path)
+    }
+
+    fn put(&self, index: u32, ending: &str, contents: &[u8]) -> Result<FileEntry> {
+        let name = episode_path(index, ending);
+        write_atomically(&self.path.join(&name), contents)?;
+        Ok(FileEntry::of(name, contents))
+    }
+
+    fn enlist(&self, entry: EpisodeEntry) -> Result<()> {
+        let mut growing = self.growing();
+        let episodes = &mut growing.manifest.episodes;
+        match episodes.binary_search_by_key(&entry.index, |listed| listed.index) {
+            Ok(place) => episodes[place] = entry,
+            Err(place) => episodes.insert(place, entry),
+        }
+        if growing.flushed.elapsed() >= MANIFEST_EVERY {
+            growing.manifest.write(&self.path.join(MANIFEST))?;
+            growing.flushed = Instant::now();
+        }
+        Ok(())
+    }
+
+    /// A thread that panicked while listing an episode leaves the list whole: entries are inserted in one step.
+    fn growing(&self) -> MutexGuard<'_, Growing> {
+        self.growing.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Compares everything but the episodes.
+fn same_request(path: &Path, found: &Manifest, asked: &Manifest) -> Result<()> {
+    let as_map = |manifest: &Manifest| -> serde_json::Map<String, serde_json::Value> {
+        let header = Manifest { episodes: Vec::new(), ..manifest.clone() };
+        match serde_json::to_value(header) {
+            Ok(serde_json::Value::Object(map)) => map,
+            _ => serde_json::Map::new(),
+        }
+    };
+    let (found, asked) = (as_map(found), as_map(asked));
+    match first_difference("", &found, &asked) {
+        None => Ok(()),
+        Some((key, found, asked)) => Err(Error::OtherRecording { key, found, asked, path: path.into() }),
+    }
+}
+
+fn first_difference(
+    prefix: &str,
+    found: &serde_json::Map<String, serde_json::Value>,
+    asked: &serde_json::Map<String, serde_json::Value>,
+) -> Option<(String, String, String)> {
+    use serde_json::Value;
+    let keys = asked.keys().chain(found.keys().filter(|key| !asked.contains_key(*key)));
+    keys.into_iter().find_map(|key| {
+        let (left, right) = (found.get(key).unwrap_or(&Value::Null), asked.get(key).unwrap_or(&Value::Null));
+        match (left, right) {
+            (left, right) if left == right => None,
+            (Value::Object(left), Value::Object(right)) => first_difference(&format!("{prefix}{key}."), left, right),
+            (left, right) => Some((format!("{prefix}{key}"), left.to_string(), right.to_string())),
+        }
+    })
+}
+
+/// What a killed process left behind was never part of the recording.
+fn remove_partial_files(folder: &Path) -> Result<()> {
+    for file in std::fs::read_dir(folder).map_err(Error::io("list", folder))? {
+        let path = file.map_err(Error::io("list", folder))?.path();
+        if path.extension().is_some_and(|ending| ending == PARTIAL) {
+            std::fs::remove_file(&path).map_err(Error::io("remove", &path))?;
+        }
+    }
+    Ok(())
+}
