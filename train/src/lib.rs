@@ -1,1 +1,26 @@
-//! Skeleton.
+//! Training VIBES and its ablations: objectives, the update of Algorithm 1, the offline loop, and the run folder it fills.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`options`] | everything a run can be asked for, presets |
+//! | [`windows`], [`batch`] | windows gathered ahead of time, and as tensors |
+//! | [`objective`] | what is maximised: `vibes`, `no-adversary`, `reconstruction` |
+//! | [`update`], [`optimizer`] | one update of Algorithm 1, Adam |
+//! | [`fit`] | the one loop |
+//! | [`run`], [`metrics`], [`spectrum`] | the run folder, its numbers over time |
+//! | [`encode`] | a trained run's latents of a recording |
+
+pub mod batch;
+pub mod encode;
+pub mod error;
+pub mod fit;
+pub mod metrics;
+pub mod objective;
+pub mod optimizer;
+pub mod options;
+pub mod run;
+pub mod spectrum;
+pub mod update;
+pub mod windows;
+
+pub use error::{Result, TrainError};

@@ -1,3 +1,39 @@
-//! Skeleton.
+//! The networks of VIBES, their checkpoints, and what is needed to use a trained model: encode observations into latents.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`config`] | sizes and constants of a model |
+//! | [`model`] | encoder, dynamics, reward and decoder in one module, the adversary beside it |
+//! | [`encoder`], [`dynamics`], [`reward`], [`adversary`], [`decoder`] | one network each |
+//! | [`observe`], [`cnn`], [`mlp`], [`gru`], [`linear`] | the layers they are made of |
+//! | [`kernels`] | the operations that decide how long an update takes |
+//! | [`gaussian`] | the distributions they predict |
+//! | [`checkpoint`], [`parameters`] | weights on disk and by name |
+//! | [`encode`], [`scale`] | a trained encoder at work, and how raw numbers enter it |
+//!
+//! Tensors are time-major, `[length, batch, …]`, as in Algorithm 1 of the paper.
 
+pub mod adversary;
+pub mod checkpoint;
+pub mod cnn;
+pub mod config;
+pub mod decoder;
+pub mod dynamics;
+pub mod encode;
+pub mod encoder;
+pub mod error;
+pub mod gaussian;
+pub mod gru;
+pub mod init;
 pub mod kernels;
+pub mod linear;
+pub mod mlp;
+pub mod model;
+pub mod observe;
+pub mod parameters;
+pub mod reward;
+pub mod scale;
+
+pub use config::{ModelConfig, ObservationKind};
+pub use error::ModelError;
+pub use model::{Model, World};

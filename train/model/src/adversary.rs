@@ -1,0 +1,51 @@
+//! The adversary `p_ψ(s_t | s_<t, o_<t, a_<t)`: built like the encoder (its own observation network, its own GRU), with the latent as a further
+//! input before the GRU, predicting the next latent. It bounds how well any predictor that sees the whole history could do.
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+use rand::Rng;
+
+use crate::config::ModelConfig;
+use crate::error::ModelError;
+use crate::gaussian::Gaussian;
+use crate::gru::{Gru, GruConfig};
+use crate::mlp::{Mlp, MlpConfig};
+use crate::observe::Observe;
+
+/// The whole history to the next latent.
+#[derive(Module, Debug)]
+pub struct Adversary {
+    /// Observation to features.
+    pub observe: Observe,
+    /// Over (features, latent, action).
+    pub gru: Gru,
+    /// Hidden state to mean and standard deviation.
+    pub head: Mlp,
+    #[module(skip)]
+    floor: f32,
+}
+
+impl Adversary {
+    /// # Errors
+    /// The picture is too small.
+    pub fn init(config: &ModelConfig, rng: &mut impl Rng, device: &Device) -> Result<Self, ModelError> {
+        let input = config.hidden + config.latent + config.actions();
+        Ok(Self {
+            observe: Observe::init(config, rng, device)?,
+            gru: GruConfig { input, hidden: config.hidden }.init(rng, device),
+            head: MlpConfig { input: config.hidden, hidden: config.head, output: config.latent + 1 }.init(rng, device),
+            floor: config.prediction_floor,
+        })
+    }
+
+    /// The distribution of the latent after each step.
+    ///
+    /// # Shapes
+    /// - `features`: `[length, batch, hidden]`, this network's own features of the observations
+    /// - `latents`: `[length, batch, latent]`, `actions`: `[length, batch, A]`, taken there
+    /// - output: step `t` is the prediction of latent `t + 1`
+    pub fn forward(&self, features: Tensor<3>, latents: Tensor<3>, actions: Tensor<3>) -> Gaussian {
+        let states = self.gru.forward(Tensor::cat(vec![features, latents, actions], 2), None);
+        Gaussian::unit_mean(self.head.forward(states), self.floor)
+    }
+}

@@ -1,0 +1,69 @@
+//! The sizes and constants of a model: everything needed to build it anew before its weights are read. Saved inside every checkpoint.
+
+use serde::{Deserialize, Serialize};
+
+/// What the model looks at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum ObservationKind {
+    /// RGB pictures.
+    Pixels {
+        /// Rows.
+        height: usize,
+        /// Columns.
+        width: usize,
+    },
+    /// The task's vector observation; a perceptron takes the place of the picture network, nothing else changes.
+    Vector {
+        /// Number of values.
+        len: usize,
+    },
+}
+
+impl std::fmt::Display for ObservationKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Pixels { height, width } => write!(f, "pixels of {height}×{width}"),
+            Self::Vector { len } => write!(f, "observation vectors of {len}"),
+        }
+    }
+}
+
+/// Sizes and constants of a model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelConfig {
+    /// The task it was made for.
+    pub task: String,
+    /// What it looks at.
+    pub observation: ObservationKind,
+    /// Lower bounds of the action; actions enter the networks scaled to −1..1.
+    pub action_min: Vec<f32>,
+    /// Upper bounds of the action.
+    pub action_max: Vec<f32>,
+    /// Channels after the first convolution. Open in the paper; 32 is Dreamer's.
+    pub depth: usize,
+    /// Width of features and hidden states. Open in the paper.
+    pub hidden: usize,
+    /// Width of the heads' hidden layers. Open in the paper.
+    pub head: usize,
+    /// Dimensions of the latent. Open in the paper.
+    pub latent: usize,
+    /// Standard deviation of the encoder, fixed (0.1: variance 0.01, Appendix C).
+    pub latent_std: f32,
+    /// Least standard deviation of the dynamics and the adversary. Open in the paper. A latent carries noise of `latent_std`, so no
+    /// predictor of it can be surer than that and a lower floor would only let the likelihood explode.
+    pub prediction_floor: f32,
+    /// Least standard deviation of the reward, in units of reward. Open in the paper.
+    pub reward_floor: f32,
+    /// Whether there is an adversary (objective `vibes`).
+    pub adversary: bool,
+    /// Whether there is a decoder (objective `reconstruction`).
+    pub decoder: bool,
+}
+
+impl ModelConfig {
+    /// Number of values of an action.
+    pub fn actions(&self) -> usize {
+        self.action_min.len()
+    }
+}

@@ -1,0 +1,61 @@
+//! The encoder `e_φ(s_t | o_≤t, a_<t)`: features of the observation, the encoder's own GRU over (features, previous action), and a mean
+//! of unit norm. Its standard deviation is a constant of the model.
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+use rand::Rng;
+
+use crate::config::ModelConfig;
+use crate::error::ModelError;
+use crate::gaussian::unit_norm;
+use crate::gru::{Gru, GruConfig};
+use crate::linear::{Linear, LinearConfig};
+use crate::observe::{Frames, Observe};
+
+/// History to the mean of the latent.
+#[derive(Module, Debug)]
+pub struct Encoder {
+    /// Observation to features.
+    pub observe: Observe,
+    /// Over (features, previous action).
+    pub gru: Gru,
+    /// Hidden state to the mean before it is normalised.
+    pub mean: Linear,
+}
+
+/// What the encoder gives for a window.
+#[derive(Debug, Clone)]
+pub struct Encoding {
+    /// Means of the latents, unit norm: `[length, batch, latent]`
+    pub means: Tensor<3>,
+    /// Hidden state after the last step, to go on from: `[batch, hidden]`
+    pub state: Tensor<2>,
+}
+
+impl Encoder {
+    /// # Errors
+    /// The picture is too small.
+    pub fn init(config: &ModelConfig, rng: &mut impl Rng, device: &Device) -> Result<Self, ModelError> {
+        Ok(Self {
+            observe: Observe::init(config, rng, device)?,
+            gru: GruConfig { input: config.hidden + config.actions(), hidden: config.hidden }.init(rng, device),
+            mean: LinearConfig { input: config.hidden, output: config.latent }.init(rng, device),
+        })
+    }
+
+    /// # Shapes
+    /// - `frames`: `length·batch` observations
+    /// - `previous_actions`: `[length, batch, A]`, the action before each observation, zeros at an episode's start
+    /// - `state`: `[batch, hidden]`, zeros if absent
+    ///
+    /// # Errors
+    /// The frames are of another kind than the model's.
+    pub fn forward(&self, frames: Frames, previous_actions: Tensor<3>, state: Option<Tensor<2>>) -> Result<Encoding, ModelError> {
+        let [length, batch, _] = previous_actions.dims();
+        let features = self.observe.forward(frames, length)?;
+        let states = self.gru.forward(Tensor::cat(vec![features, previous_actions], 2), state);
+        let means = unit_norm(self.mean.forward(states.clone()));
+        let state = states.narrow(0, length - 1, 1).reshape([batch, self.gru.hidden()]);
+        Ok(Encoding { means, state })
+    }
+}

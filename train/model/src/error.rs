@@ -1,0 +1,58 @@
+//! What can go wrong with a model: a file that is not a checkpoint, tensors of another shape, a picture too small for the network.
+
+use std::path::PathBuf;
+
+/// An error of this package.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// Reading or writing failed.
+    #[error("{source}; wanted to {action} a checkpoint: {}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// "read" or "write".
+        action: &'static str,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is not a checkpoint.
+    #[error("not a checkpoint ({why}); a checkpoint is a model.safetensors written by vibes-train: {}", path.display())]
+    NotACheckpoint {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// A tensor that the configured model has is not in the file.
+    #[error("the checkpoint has no tensor `{name}`, which the model it describes needs")]
+    MissingTensor {
+        /// Name of the parameter.
+        name: String,
+    },
+    /// A tensor has another shape than the model's parameter.
+    #[error("tensor `{name}` has shape {found:?} in the checkpoint; the model needs {wanted:?}")]
+    TensorShape {
+        /// Name of the parameter.
+        name: String,
+        /// Shape in the file.
+        found: Vec<usize>,
+        /// Shape of the parameter.
+        wanted: Vec<usize>,
+    },
+    /// The network cannot take such pictures.
+    #[error("pictures of {height}×{width} are too small; the network needs at least {least}×{least}", least = crate::cnn::LEAST_SIZE)]
+    PictureTooSmall {
+        /// Rows of the picture.
+        height: usize,
+        /// Columns of the picture.
+        width: usize,
+    },
+    /// What the model was made for and what it is given differ.
+    #[error("the model takes {wanted}, but the recording holds {found}")]
+    Mismatch {
+        /// What the model was made for.
+        wanted: String,
+        /// What it is given.
+        found: String,
+    },
+}

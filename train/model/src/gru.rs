@@ -1,0 +1,69 @@
+//! A gated recurrent unit over a whole window. The input's part of the gates is one product over all time steps; only the hidden state's
+//! part is a loop.
+//!
+//! ```text
+//! r = σ(x W_r + b_r + h U_r + c_r)        z = σ(x W_z + b_z + h U_z + c_z)
+//! n = tanh(x W_n + b_n + r ⊙ (h U_n + c_n))      h' = (1 − z) ⊙ n + z ⊙ h
+//! ```
+
+use burn::module::{Module, Param};
+use burn::tensor::{Device, Tensor, module};
+use rand::Rng;
+
+use crate::init::recurrent_uniform;
+use crate::kernels;
+
+/// Sizes of a [`Gru`].
+#[derive(Debug, Clone, Copy)]
+pub struct GruConfig {
+    /// Width of the input.
+    pub input: usize,
+    /// Width of the hidden state.
+    pub hidden: usize,
+}
+
+/// A gated recurrent unit; gates lie side by side in the order reset, update, new.
+#[derive(Module, Debug)]
+pub struct Gru {
+    /// `W`: `[input, 3·hidden]`
+    pub w_input: Param<Tensor<2>>,
+    /// `b`: `[3·hidden]`
+    pub b_input: Param<Tensor<1>>,
+    /// `U`: `[hidden, 3·hidden]`
+    pub w_hidden: Param<Tensor<2>>,
+    /// `c`: `[3·hidden]`
+    pub b_hidden: Param<Tensor<1>>,
+}
+
+impl GruConfig {
+    /// Weights and biases uniform within ±1/√hidden.
+    pub fn init(&self, rng: &mut impl Rng, device: &Device) -> Gru {
+        let (input, hidden) = (self.input, self.hidden);
+        Gru {
+            w_input: recurrent_uniform([input, 3 * hidden], hidden, rng, device),
+            b_input: recurrent_uniform([3 * hidden], hidden, rng, device),
+            w_hidden: recurrent_uniform([hidden, 3 * hidden], hidden, rng, device),
+            b_hidden: recurrent_uniform([3 * hidden], hidden, rng, device),
+        }
+    }
+}
+
+impl Gru {
+    /// Width of the hidden state.
+    pub fn hidden(&self) -> usize {
+        self.w_hidden.val().dims()[0]
+    }
+
+    /// Runs over a window from the hidden state `start`, or from zeros.
+    ///
+    /// # Shapes
+    /// - `x`: `[length, batch, input]`
+    /// - `start`: `[batch, hidden]`
+    /// - output: `[length, batch, hidden]`, the hidden state after every step
+    pub fn forward(&self, x: Tensor<3>, start: Option<Tensor<2>>) -> Tensor<3> {
+        let [_, batch, _] = x.dims();
+        let start = start.unwrap_or_else(|| Tensor::zeros([batch, self.hidden()], &x.device()));
+        let gates = module::linear(x, self.w_input.val(), Some(self.b_input.val()));
+        kernels::gru(gates, self.w_hidden.val(), self.b_hidden.val(), start, None)
+    }
+}

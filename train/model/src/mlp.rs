@@ -1,0 +1,53 @@
+//! A perceptron with two hidden layers and ELU between them: the heads of the dynamics, the reward and the adversary, and what takes the place of the
+//! picture network when observations are vectors.
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor, activation::elu};
+use rand::Rng;
+
+use crate::linear::{Linear, LinearConfig};
+
+/// Sizes of an [`Mlp`].
+#[derive(Debug, Clone, Copy)]
+pub struct MlpConfig {
+    /// Width of the input.
+    pub input: usize,
+    /// Width of both hidden layers.
+    pub hidden: usize,
+    /// Width of the output.
+    pub output: usize,
+}
+
+/// Linear, ELU, linear, ELU, linear.
+#[derive(Module, Debug)]
+pub struct Mlp {
+    /// `[input, hidden]`
+    pub first: Linear,
+    /// `[hidden, hidden]`
+    pub second: Linear,
+    /// `[hidden, output]`
+    pub last: Linear,
+}
+
+impl MlpConfig {
+    /// He-initialised layers.
+    pub fn init(&self, rng: &mut impl Rng, device: &Device) -> Mlp {
+        let layer = |input, output, rng: &mut _| LinearConfig { input, output }.init(rng, device);
+        Mlp {
+            first: layer(self.input, self.hidden, rng),
+            second: layer(self.hidden, self.hidden, rng),
+            last: layer(self.hidden, self.output, rng),
+        }
+    }
+}
+
+impl Mlp {
+    /// # Shapes
+    /// - `x`: `[…, input]`
+    /// - output: `[…, output]`
+    pub fn forward<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
+        let x = elu(self.first.forward(x), 1.0);
+        let x = elu(self.second.forward(x), 1.0);
+        self.last.forward(x)
+    }
+}

@@ -1,0 +1,53 @@
+//! A whole model: what the world model is made of, and the adversary beside it. They are two modules because they learn in separate steps at
+//! separate rates.
+
+use burn::module::Module;
+use burn::tensor::Device;
+use rand::Rng;
+
+use crate::adversary::Adversary;
+use crate::config::ModelConfig;
+use crate::decoder::Decoder;
+use crate::dynamics::Dynamics;
+use crate::encoder::Encoder;
+use crate::error::ModelError;
+use crate::reward::Reward;
+
+/// Encoder (φ), dynamics and reward (θ), and the decoder of the reconstruction ablation.
+#[derive(Module, Debug)]
+pub struct World {
+    /// History to latent.
+    pub encoder: Encoder,
+    /// Latent to next latent.
+    pub dynamics: Dynamics,
+    /// Latent and action to reward.
+    pub reward: Reward,
+    /// Latent to observation, for the reconstruction ablation only.
+    pub decoder: Option<Decoder>,
+}
+
+/// A model: its sizes, its world model and its adversary (ψ).
+#[derive(Debug, Clone)]
+pub struct Model {
+    /// Sizes and constants.
+    pub config: ModelConfig,
+    /// Encoder, dynamics, reward.
+    pub world: World,
+    /// For the objective `vibes` only.
+    pub adversary: Option<Adversary>,
+}
+
+impl Model {
+    /// A new model with first values drawn from `rng`.
+    ///
+    /// # Errors
+    /// The picture is too small.
+    pub fn init(config: ModelConfig, rng: &mut impl Rng, device: &Device) -> Result<Self, ModelError> {
+        let encoder = Encoder::init(&config, rng, device)?;
+        let dynamics = Dynamics::init(&config, rng, device);
+        let reward = Reward::init(&config, rng, device);
+        let decoder = config.decoder.then(|| Decoder::init(&config, rng, device)).transpose()?;
+        let adversary = config.adversary.then(|| Adversary::init(&config, rng, device)).transpose()?;
+        Ok(Self { config, world: World { encoder, dynamics, reward, decoder }, adversary })
+    }
+}

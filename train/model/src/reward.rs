@@ -1,0 +1,35 @@
+//! The reward model `p_θ(r_t | s_t, a_t)`: a Gaussian that sees the latent and the action taken there, and never a hidden state.
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor, activation::softplus};
+use rand::Rng;
+
+use crate::config::ModelConfig;
+use crate::gaussian::Gaussian;
+use crate::mlp::{Mlp, MlpConfig};
+
+/// Latent and action to the reward earned there.
+#[derive(Module, Debug)]
+pub struct Reward {
+    /// (latent, action) to mean and standard deviation.
+    pub head: Mlp,
+    #[module(skip)]
+    floor: f32,
+}
+
+impl Reward {
+    /// He-initialised head.
+    pub fn init(config: &ModelConfig, rng: &mut impl Rng, device: &Device) -> Self {
+        let head = MlpConfig { input: config.latent + config.actions(), hidden: config.head, output: 2 };
+        Self { head: head.init(rng, device), floor: config.reward_floor }
+    }
+
+    /// # Shapes
+    /// - `latents`: `[length, batch, latent]`, `actions`: `[length, batch, A]`
+    /// - output: mean and standard deviation, both `[length, batch, 1]`
+    pub fn forward(&self, latents: Tensor<3>, actions: Tensor<3>) -> Gaussian {
+        let output = self.head.forward(Tensor::cat(vec![latents, actions], 2));
+        let std = softplus(output.clone().narrow(2, 1, 1), 1.0) + self.floor;
+        Gaussian { mean: output.narrow(2, 0, 1), std }
+    }
+}

@@ -1,0 +1,102 @@
+//! Latents of a recording: the posterior mean of every row of every episode, the last row among them. The encoder follows each episode from its start, a
+//! chunk of rows at a time, and the table is written chunk by chunk, so memory follows the chunk.
+
+use std::path::Path;
+
+use burn::tensor::Device;
+use vibes_data::{EpisodeEntry, EpisodeView, Latents, LatentsSource, LatentsWriter, Recording};
+use vibes_model::encode::{EpisodeEncoder, RawFrames};
+use vibes_model::{Model, ObservationKind};
+
+use crate::error::{Result, TrainError};
+
+/// Rows encoded at a time.
+const CHUNK: usize = 128;
+
+/// Writes the latents of every episode to `output`; `checkpoint` is the model's file, for the table's metadata. `listen` is told the number of rows done
+/// after every chunk.
+///
+/// # Errors
+/// The recording does not fit the model, or the table cannot be written.
+pub fn encode_recording(model: &Model, checkpoint: &Path, recording: &Recording, output: &Path, device: &Device, listen: &mut dyn FnMut(u64)) -> Result<()> {
+    check_fit(model, recording)?;
+    let source = LatentsSource { recording: Some(absolute(recording.path())), checkpoint: Some(absolute(checkpoint)) };
+    let mut table = LatentsWriter::create(output, model.config.latent, &source)?;
+    let mut encoder = EpisodeEncoder::new(model, device);
+    let mut done = 0;
+    for entry in recording.episodes() {
+        let episode = recording.episode(entry.index)?;
+        encoder.reset();
+        for start in (0..episode.rows()).step_by(CHUNK) {
+            let rows = start..episode.rows().min(start + CHUNK);
+            done += rows.len() as u64;
+            let latent = encode_rows(model, &mut encoder, &episode, rows.clone())?;
+            table.append(&chunk(entry, &episode, rows, model.config.latent, latent))?;
+            listen(done);
+        }
+    }
+    Ok(table.finish()?)
+}
+
+/// Posterior means of some rows of an episode, which must follow those encoded before: `[rows, latent]`.
+///
+/// # Errors
+/// The observations are not the model's.
+pub fn encode_rows(model: &Model, encoder: &mut EpisodeEncoder<'_>, episode: &EpisodeView, rows: std::ops::Range<usize>) -> Result<Vec<f32>> {
+    let mut previous = Vec::with_capacity(rows.len() * model.config.actions());
+    for row in rows.clone() {
+        match row {
+            0 => previous.resize(model.config.actions(), 0.0),
+            _ => previous.extend_from_slice(episode.action(row - 1)),
+        }
+    }
+    let latent = match model.config.observation {
+        ObservationKind::Pixels { .. } => {
+            let pixels: Vec<u8> = rows.flat_map(|row| episode.pixels(row)).copied().collect();
+            encoder.push(RawFrames::Pixels(&pixels), &previous)
+        }
+        ObservationKind::Vector { .. } => {
+            let observations: Vec<f32> = rows.flat_map(|row| episode.observation(row)).copied().collect();
+            encoder.push(RawFrames::Vectors(&observations), &previous)
+        }
+    };
+    Ok(latent?)
+}
+
+/// Checks that a model can read a recording.
+///
+/// # Errors
+/// Pictures of another size, or actions of another number.
+pub fn check_fit(model: &Model, recording: &Recording) -> Result<()> {
+    let spec = &recording.manifest().spec;
+    let config = &model.config;
+    let fits = match config.observation {
+        ObservationKind::Pixels { height, width } => spec.pixels.is_some_and(|size| (size.height as usize, size.width as usize) == (height, width)),
+        ObservationKind::Vector { len } => spec.observation_len() == len,
+    };
+    if fits && spec.action.min.len() == config.actions() {
+        return Ok(());
+    }
+    let pixels = spec.pixels.map_or("no pixels".to_owned(), |size| format!("pixels of {}×{}", size.height, size.width));
+    let found = format!("{} with {pixels}, observation vectors of {} and {} actions", spec.task, spec.observation_len(), spec.action.min.len());
+    let wanted = format!("{} with {} and {} actions", config.task, config.observation, config.actions());
+    Err(TrainError::OtherRecording { found, wanted, path: recording.path().to_owned() })
+}
+
+fn chunk(entry: &EpisodeEntry, episode: &EpisodeView, rows: std::ops::Range<usize>, dims: usize, latent: Vec<f32>) -> Latents {
+    let cell = entry.cell;
+    Latents {
+        episode: vec![entry.index; rows.len()],
+        step: rows.clone().map(|row| row as u32).collect(),
+        state: vec![cell.map(|cell| cell.state); rows.len()],
+        distractor: vec![cell.map(|cell| cell.distractor); rows.len()],
+        reward: rows.map(|row| (row < episode.steps()).then(|| episode.reward(row))).collect(),
+        dims,
+        latent,
+        source: LatentsSource::default(),
+    }
+}
+
+fn absolute(path: &Path) -> String {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
+}

@@ -1,0 +1,111 @@
+//! What can go wrong in training: options that contradict each other or the run, a recording that lacks what the model needs, a loss that is no longer
+//! a number.
+
+use std::path::{Path, PathBuf};
+
+use vibes_model::ModelError;
+
+/// The result of this package's functions.
+pub type Result<T> = std::result::Result<T, TrainError>;
+
+/// An error of this package.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// A model or checkpoint does not fit.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// A recording or a table of latents is not as it should be.
+    #[error(transparent)]
+    Data(#[from] vibes_data::Error),
+    /// Reading or writing failed.
+    #[error("cannot {action}: {source}: {}", path.display())]
+    Io {
+        /// "read", "write", …
+        action: &'static str,
+        /// What the system said.
+        source: std::io::Error,
+        /// The file or folder.
+        path: PathBuf,
+    },
+    /// A file of this program's own making cannot be understood.
+    #[error("{fact}; {wanted}: {}", path.display())]
+    Malformed {
+        /// What is wrong.
+        fact: String,
+        /// What would be right.
+        wanted: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// An option has a value it cannot have.
+    #[error("{0}")]
+    Options(String),
+    /// The run folder was begun with other options.
+    #[error("this run has {key} = {found}, asked for was {asked}; repeat its options to go on with it, or name another folder with -o: {}", path.display())]
+    OtherRun {
+        /// The first option that differs.
+        key: String,
+        /// Its value in the run.
+        found: String,
+        /// The value asked for.
+        asked: String,
+        /// The run folder.
+        path: PathBuf,
+    },
+    /// The folder holds no run.
+    #[error("no run here (a run is a folder with a run.json, made by `vibes-train offline`): {}", path.display())]
+    NoRun {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The run has not saved anything yet.
+    #[error("this run has no checkpoint yet; train it with `vibes-train offline`: {}", path.display())]
+    NoCheckpoint {
+        /// The run folder.
+        path: PathBuf,
+    },
+    /// A model cannot be used with a recording.
+    #[error("the recording holds {found}, the model needs {wanted}: {}", path.display())]
+    OtherRecording {
+        /// What the recording holds.
+        found: String,
+        /// What the model needs.
+        wanted: String,
+        /// The recording.
+        path: PathBuf,
+    },
+    /// The training has left the numbers.
+    #[error("update {update} diverged: {what} is {value}; the last good checkpoint is kept; try a lower --lr: {}", run.display())]
+    Diverged {
+        /// The update that was not made.
+        update: u64,
+        /// Which quantity.
+        what: &'static str,
+        /// Its value.
+        value: f32,
+        /// The run folder.
+        run: PathBuf,
+    },
+    /// A quantity of an update is no longer a number.
+    #[error("{what} is {value}; it should be a finite number")]
+    NotFinite {
+        /// Which quantity.
+        what: &'static str,
+        /// Its value.
+        value: f32,
+    },
+    /// The thread that gathers windows is gone.
+    #[error("the thread that gathers windows stopped; run the same command again")]
+    NoWindows,
+}
+
+/// For `map_err`: an I/O error with what was tried and where.
+pub(crate) fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> TrainError {
+    let path = path.to_owned();
+    move |source| TrainError::Io { action, source, path }
+}
+
+/// A file of this program's own making that cannot be understood.
+pub(crate) fn malformed(path: &Path, fact: impl std::fmt::Display, wanted: &str) -> TrainError {
+    TrainError::Malformed { fact: fact.to_string(), wanted: wanted.to_owned(), path: path.to_owned() }
+}

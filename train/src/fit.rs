@@ -1,0 +1,207 @@
+//! Offline training: the one loop. In: a run folder, recordings and options. Out: checkpoints and metrics in the run folder; what happens on the way is told to
+//! a listener, which may stop it.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use burn::tensor::Device;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use vibes_data::{Recording, Spec};
+use vibes_model::{Model, ObservationKind};
+
+use crate::batch::Batch;
+use crate::error::{Result, TrainError};
+use crate::metrics::{Averages, MetricsFile, Row};
+use crate::options::{Observations, Options};
+use crate::run::{FORMAT, Run, RunInfo, State, versions};
+use crate::update::Learner;
+use crate::windows::{Prefetch, Purpose, Windows, update_rng};
+
+/// What the loop tells its listener.
+#[derive(Debug)]
+pub enum Event<'a> {
+    /// Training begins, or goes on, after this many updates.
+    Start {
+        /// Updates made before.
+        update: u64,
+    },
+    /// An update was made.
+    Update {
+        /// Updates made in all.
+        update: u64,
+        /// Seconds trained in all.
+        seconds: f64,
+    },
+    /// A line of metrics was written.
+    Metrics(&'a Row),
+    /// A checkpoint was saved.
+    Saved {
+        /// Updates made.
+        update: u64,
+    },
+}
+
+/// Whether to go on after an event.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Go {
+    /// Go on.
+    On,
+    /// Save and stop.
+    Stop,
+}
+
+/// Why training ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// All updates were made.
+    Updates,
+    /// The minutes are up.
+    Minutes,
+    /// The listener said so.
+    Stopped,
+    /// There was nothing left to do.
+    Nothing,
+}
+
+/// Opens or begins the run at `path` for these recordings and options.
+///
+/// # Errors
+/// The recordings differ in what they hold, or lack the observations asked for, or the folder holds another run.
+pub fn prepare(path: &Path, recordings: &[Recording], options: &Options) -> Result<Run> {
+    let Some(first) = recordings.first() else { return Err(TrainError::Options("no recording was named; name at least one".to_owned())) };
+    let spec = &first.manifest().spec;
+    let observation = observation_kind(first, options.observations)?;
+    for other in &recordings[1..] {
+        let kind = observation_kind(other, options.observations)?;
+        if other.manifest().spec.action != spec.action || kind != observation {
+            let (found, wanted) = (describe(&other.manifest().spec, kind), describe(spec, observation));
+            return Err(TrainError::OtherRecording { found, wanted, path: other.path().to_owned() });
+        }
+    }
+    let info = RunInfo {
+        format: FORMAT.to_owned(),
+        model: options.model(spec, observation),
+        options: options.clone(),
+        recordings: recordings.iter().map(|recording| recording.path().to_owned()).collect::<Vec<PathBuf>>(),
+        episodes: recordings.iter().map(|recording| recording.episodes().len()).sum(),
+        steps: recordings.iter().flat_map(Recording::episodes).map(|episode| u64::from(episode.steps)).sum(),
+        versions: versions(),
+    };
+    Run::create_or_open(path, info)
+}
+
+/// Trains until the updates are made, the minutes are up, or the listener stops it; always saves what it did.
+///
+/// # Errors
+/// A recording has no episode as long as a window, the loss is no longer a number, or the run folder cannot be written.
+pub fn fit(run: &Run, recordings: &[Recording], device: &Device, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
+    let options = &run.info().options;
+    let windows = Windows::new(recordings, options.length, options.batch)?;
+    let (learner, state) = match run.resume(device)? {
+        Some(resumed) => resumed,
+        None => (first_learner(run, device)?, State { update: 0, optimizer_steps: 0, adversary_optimizer_steps: 0, seconds: 0.0 }),
+    };
+    if state.update >= options.updates || out_of_time(options, state.seconds) {
+        return Ok(End::Nothing);
+    }
+    listen(Event::Start { update: state.update });
+    let metrics = MetricsFile::open(&run.metrics_path(), state.update)?;
+    std::thread::scope(|scope| {
+        let batches = Prefetch::start(scope, &windows, options.seed, state.update..options.updates);
+        let mut training = Training { run, options, device, batches, metrics, averages: Averages::default(), state };
+        training.run(learner, listen)
+    })
+}
+
+struct Training<'a> {
+    run: &'a Run,
+    options: &'a Options,
+    device: &'a Device,
+    batches: Prefetch,
+    metrics: MetricsFile,
+    averages: Averages,
+    state: State,
+}
+
+impl Training<'_> {
+    fn run(&mut self, mut learner: Learner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
+        loop {
+            learner = self.update(learner)?;
+            let (update, seconds) = (self.state.update, self.state.seconds);
+            let mut go = listen(Event::Update { update, seconds });
+            let end = self.end(go);
+            if update.is_multiple_of(self.options.log_every) || end.is_some() {
+                let row = self.averages.take_row(update, self.options.latent);
+                self.metrics.append(&row)?;
+                go = listen(Event::Metrics(&row));
+            }
+            let end = end.or_else(|| self.end(go));
+            if update.is_multiple_of(self.options.checkpoint_every) || end.is_some() {
+                self.state.optimizer_steps = learner.optimizer.steps();
+                self.state.adversary_optimizer_steps = learner.adversary_optimizer.steps();
+                self.run.save(&learner, self.state)?;
+                listen(Event::Saved { update });
+            }
+            if let Some(end) = end {
+                return Ok(end);
+            }
+        }
+    }
+
+    fn update(&mut self, learner: Learner) -> Result<Learner> {
+        let begun = Instant::now();
+        let windows = self.batches.next()?;
+        let waited = begun.elapsed();
+        let number = self.state.update;
+        let device = self.device.clone().autodiff();
+        let batch = Batch::new(&windows, &learner.model.config, self.options.burn_in, &device)?;
+        let mut noise = update_rng(self.options.seed, number, Purpose::Noise);
+        let made = learner.update(&batch, self.options.weights(number), self.options, &mut noise);
+        let (learner, measures) = made.map_err(|error| match error {
+            TrainError::NotFinite { what, value } => TrainError::Diverged { update: number + 1, what, value, run: self.run.path().to_owned() },
+            other => other,
+        })?;
+        self.averages.add(measures, (windows.length * windows.batch) as u64, begun.elapsed(), waited);
+        self.state.update += 1;
+        self.state.seconds += begun.elapsed().as_secs_f64();
+        Ok(learner)
+    }
+
+    fn end(&self, go: Go) -> Option<End> {
+        if self.state.update >= self.options.updates {
+            Some(End::Updates)
+        } else if out_of_time(self.options, self.state.seconds) {
+            Some(End::Minutes)
+        } else {
+            (go == Go::Stop).then_some(End::Stopped)
+        }
+    }
+}
+
+fn first_learner(run: &Run, device: &Device) -> Result<Learner> {
+    let options = &run.info().options;
+    let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+    let model = Model::init(run.info().model.clone(), &mut rng, device)?;
+    Ok(Learner::new(model, options, device))
+}
+
+fn out_of_time(options: &Options, seconds: f64) -> bool {
+    options.minutes > 0.0 && Duration::from_secs_f64(seconds.max(0.0)) >= Duration::from_secs_f64(options.minutes * 60.0)
+}
+
+fn observation_kind(recording: &Recording, wanted: Observations) -> Result<ObservationKind> {
+    let spec = &recording.manifest().spec;
+    let pixels = spec.pixels.map(|size| ObservationKind::Pixels { height: size.height as usize, width: size.width as usize });
+    let vector = Some(spec.observation_len()).filter(|&len| len > 0).map(|len| ObservationKind::Vector { len });
+    let (kind, name) = match wanted {
+        Observations::Auto => (pixels.or(vector), "observations"),
+        Observations::Pixels => (pixels, "pixels"),
+        Observations::Vectors => (vector, "vector observations"),
+    };
+    kind.ok_or_else(|| TrainError::OtherRecording { found: format!("no {name}"), wanted: name.to_owned(), path: recording.path().to_owned() })
+}
+
+fn describe(spec: &Spec, kind: ObservationKind) -> String {
+    format!("{} with {kind} and {} actions", spec.task, spec.action.min.len())
+}

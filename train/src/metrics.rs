@@ -1,0 +1,161 @@
+//! The numbers of a training run over time: averages over some updates, one JSON object a line in `metrics.jsonl`. In: the measures of every update. Out: a
+//! row, and the file it is appended to.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Result, io, malformed};
+use crate::spectrum::effective_rank;
+use crate::update::Measures;
+
+/// One line of `metrics.jsonl`: averages over the updates since the line before. Log-likelihoods are nats a row.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Updates made when the line was written.
+    pub update: u64,
+    /// The objective.
+    pub objective: f64,
+    /// Latents under the dynamics.
+    pub dynamics_log_likelihood: f64,
+    /// Latents under the adversary.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub adversary_log_likelihood: Option<f64>,
+    /// Adversary minus dynamics: what the latent lacks to predict its successor as well as the whole history does.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub gap: Option<f64>,
+    /// Share of (step, dimension) pairs whose log-ratio was cut to zero.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub clipped_share: Option<f64>,
+    /// Rewards.
+    pub reward_log_likelihood: f64,
+    /// Observations, up to a constant.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub reconstruction_log_likelihood: Option<f64>,
+    /// Norm of the world model's gradient before it was limited.
+    pub gradient_norm: f64,
+    /// The encoder's part of it.
+    pub encoder_gradient_norm: f64,
+    /// Norm of the adversary's gradient before it was limited.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub adversary_gradient_norm: Option<f64>,
+    /// Effective rank of the latents' means in the last of these updates: exp of the entropy of their covariance's eigenvalues, 1 when they vary along
+    /// one line only.
+    pub effective_rank: f64,
+    /// Variance of the latents' means in that update, summed over dimensions; at most 1.
+    pub latent_variance: f64,
+    /// Updates a second.
+    pub updates_per_second: f64,
+    /// Rows that went through the networks a second.
+    pub frames_per_second: f64,
+    /// Share of the time spent waiting for windows.
+    pub waiting_share: f64,
+}
+
+/// Gathers the measures of some updates.
+#[derive(Debug, Default)]
+pub struct Averages {
+    measures: Vec<Measures>,
+    frames: u64,
+    elapsed: Duration,
+    waited: Duration,
+}
+
+impl Averages {
+    /// Adds one update, the rows it saw, how long it took in all, and how long of this it waited for its windows.
+    pub fn add(&mut self, measures: Measures, frames: u64, elapsed: Duration, waited: Duration) {
+        self.measures.push(measures);
+        self.frames += frames;
+        self.elapsed += elapsed;
+        self.waited += waited;
+    }
+
+    /// Whether nothing was added since the last row.
+    pub fn is_empty(&self) -> bool {
+        self.measures.is_empty()
+    }
+
+    /// The row, and a fresh start; `latent` is the latents' dimensions.
+    pub fn take_row(&mut self, update: u64, latent: usize) -> Row {
+        let Self { measures, frames, elapsed, waited } = std::mem::take(self);
+        let count = measures.len().max(1) as f64;
+        let mean = |of: &dyn Fn(&Measures) -> f32| measures.iter().map(|measure| f64::from(of(measure))).sum::<f64>() / count;
+        let mean_some = |of: &dyn Fn(&Measures) -> Option<f32>| {
+            let values: Option<Vec<f32>> = measures.iter().map(of).collect();
+            values.map(|values| values.into_iter().map(f64::from).sum::<f64>() / count)
+        };
+        let (dynamics, adversary) = (mean(&|m| m.dynamics), mean_some(&|m| m.adversary));
+        let means = measures.last().map_or(&[][..], |last| &last.latent_means);
+        let (effective_rank, latent_variance) = effective_rank(means, latent);
+        let seconds = elapsed.as_secs_f64().max(1e-9);
+        Row {
+            update,
+            objective: mean(&|m| m.objective),
+            dynamics_log_likelihood: dynamics,
+            adversary_log_likelihood: adversary,
+            gap: adversary.map(|adversary| adversary - dynamics),
+            clipped_share: mean_some(&|m| m.clipped),
+            reward_log_likelihood: mean(&|m| m.reward),
+            reconstruction_log_likelihood: mean_some(&|m| m.reconstruction),
+            gradient_norm: mean(&|m| m.gradient_norm),
+            encoder_gradient_norm: mean(&|m| m.encoder_gradient_norm),
+            adversary_gradient_norm: mean_some(&|m| m.adversary_gradient_norm),
+            effective_rank,
+            latent_variance,
+            updates_per_second: count / seconds,
+            frames_per_second: frames as f64 / seconds,
+            waiting_share: waited.as_secs_f64() / seconds,
+        }
+    }
+}
+
+/// An open `metrics.jsonl`.
+#[derive(Debug)]
+pub struct MetricsFile {
+    path: PathBuf,
+    file: File,
+}
+
+impl MetricsFile {
+    /// Opens the file to go on after `update`: lines beyond it, which a stopped run wrote after its last checkpoint, are dropped.
+    ///
+    /// # Errors
+    /// The file cannot be read or written.
+    pub fn open(path: &Path, update: u64) -> Result<Self> {
+        let kept: Vec<String> = match fs::read_to_string(path) {
+            Ok(text) => text.lines().filter(|line| row_number(line).is_some_and(|number| number <= update)).map(str::to_owned).collect(),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
+            Err(error) => return Err(io("read", path)(error)),
+        };
+        let text: String = kept.into_iter().map(|line| line + "\n").collect();
+        vibes_data::write_atomically(path, text.as_bytes())?;
+        let file = OpenOptions::new().append(true).open(path).map_err(io("open", path))?;
+        Ok(Self { path: path.to_owned(), file })
+    }
+
+    /// Appends a row.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn append(&mut self, row: &impl Serialize) -> Result<()> {
+        let line = serde_json::to_string(row).map_err(|error| malformed(&self.path, error, "numbers that JSON can hold"))?;
+        writeln!(self.file, "{line}").map_err(io("write", &self.path))
+    }
+}
+
+/// Reads every row of a `metrics.jsonl`.
+///
+/// # Errors
+/// The file is missing or a line is not a row.
+pub fn read_rows(path: &Path) -> Result<Vec<Row>> {
+    let text = fs::read_to_string(path).map_err(io("read", path))?;
+    let parse = |line| serde_json::from_str(line).map_err(|error| malformed(path, error, "one JSON object of metrics a line"));
+    text.lines().map(parse).collect()
+}
+
+fn row_number(line: &str) -> Option<u64> {
+    serde_json::from_str::<serde_json::Value>(line).ok()?.get("update")?.as_u64()
+}

@@ -1,0 +1,136 @@
+//! Adam over all parameters of a module. In: the module and its gradients. Out: the module after one step. Its moments go by the parameters' names, so that they
+//! can be saved and read like weights.
+
+use std::collections::BTreeMap;
+
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
+use burn::tensor::{Device, Gradients, Tensor, TensorData};
+use vibes_model::kernels::{Adam, Moments};
+use vibes_model::parameters::{HostTensor, HostTensors, to_values};
+
+/// Adam's state for one module.
+#[derive(Debug, Clone)]
+pub struct Optimizer {
+    adam: Adam,
+    moments: BTreeMap<String, Moments<1>>,
+    steps: u64,
+}
+
+/// Gradients of a module by parameter name, flattened.
+#[derive(Debug)]
+pub struct NamedGradients {
+    by_name: BTreeMap<String, Tensor<1>>,
+}
+
+impl NamedGradients {
+    /// Takes the gradients of `module` out of `gradients`.
+    pub fn take<M: Module>(module: &M, gradients: &mut Gradients) -> Self {
+        let mut taker = Taker { path: Vec::new(), gradients, by_name: BTreeMap::new() };
+        module.visit(&mut taker);
+        Self { by_name: taker.by_name }
+    }
+
+    /// ℓ₂ norm over all parameters whose name begins with `prefix`.
+    pub fn norm(&self, prefix: &str) -> f32 {
+        let chosen = self.by_name.iter().filter(|(name, _)| name.starts_with(prefix));
+        let squares = chosen.map(|(_, gradient)| f64::from(gradient.clone().square().sum().into_scalar::<f32>()));
+        squares.sum::<f64>().sqrt() as f32
+    }
+}
+
+impl Optimizer {
+    /// Before its first step.
+    pub fn new(epsilon: f32) -> Self {
+        Self { adam: Adam { epsilon, ..Adam::default() }, moments: BTreeMap::new(), steps: 0 }
+    }
+
+    /// Steps made so far.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// One step against the gradients, scaled so that their global norm is at most `clip`.
+    pub fn step<M: Module>(&mut self, module: M, gradients: NamedGradients, learning_rate: f64, clip: f32) -> M {
+        let norm = gradients.norm("");
+        self.steps += 1;
+        let scale = if norm > clip { clip / norm } else { 1.0 };
+        module.map(&mut Stepper { path: Vec::new(), optimizer: self, gradients: gradients.by_name, learning_rate, scale })
+    }
+
+    /// The moments as tensors to save, names beginning with `prefix`.
+    pub fn to_tensors(&self, prefix: &str) -> HostTensors {
+        let mut tensors = HostTensors::new();
+        for (name, moments) in &self.moments {
+            for (kind, values) in [("first", &moments.first), ("second", &moments.second)] {
+                let tensor = HostTensor { shape: vec![values.dims()[0]], values: to_values(values.clone()) };
+                tensors.insert(format!("{prefix}.{kind}.{name}"), tensor);
+            }
+        }
+        tensors
+    }
+
+    /// The state that [`Optimizer::to_tensors`] saved after `steps` steps.
+    pub fn restore(&mut self, prefix: &str, tensors: &HostTensors, steps: u64, device: &Device) {
+        let (first, second) = (format!("{prefix}.first."), format!("{prefix}.second."));
+        let load = |tensor: &HostTensor| {
+            Tensor::<1>::from_data(TensorData::new(tensor.values.clone(), [tensor.values.len()]), device)
+        };
+        let named = tensors.iter().filter_map(|(name, tensor)| Some((name.strip_prefix(&first)?, tensor)));
+        let pairs = named.filter_map(|(name, tensor)| Some((name, tensor, tensors.get(&format!("{second}{name}"))?)));
+        let moments = pairs.map(|(name, first, second)| (name.to_owned(), Moments { first: load(first), second: load(second) }));
+        self.moments = moments.collect();
+        self.steps = steps;
+    }
+}
+
+struct Taker<'a> {
+    path: Vec<String>,
+    gradients: &'a mut Gradients,
+    by_name: BTreeMap<String, Tensor<1>>,
+}
+
+impl ModuleVisitor for Taker<'_> {
+    fn enter_module(&mut self, name: &str, _container_type: &str) {
+        self.path.push(name.to_owned());
+    }
+    fn exit_module(&mut self, _name: &str, _container_type: &str) {
+        self.path.pop();
+    }
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        if let Some(gradient) = param.val().grad_remove(self.gradients) {
+            let count = gradient.shape().num_elements();
+            self.by_name.insert(self.path.join("."), gradient.reshape([count]));
+        }
+    }
+}
+
+struct Stepper<'a> {
+    path: Vec<String>,
+    optimizer: &'a mut Optimizer,
+    gradients: BTreeMap<String, Tensor<1>>,
+    learning_rate: f64,
+    scale: f32,
+}
+
+impl ModuleMapper for Stepper<'_> {
+    fn enter_module(&mut self, name: &str, _container_type: &str) {
+        self.path.push(name.to_owned());
+    }
+    fn exit_module(&mut self, _name: &str, _container_type: &str) {
+        self.path.pop();
+    }
+    fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+        let name = self.path.join(".");
+        let Some(gradient) = self.gradients.remove(&name) else { return param };
+        let moments = self.optimizer.moments.remove(&name);
+        let (id, tensor, mapper) = param.consume();
+        let shape = tensor.dims();
+        // `inner` leaves the autodiff graph; by now nothing else holds the values, so Adam may work in place.
+        let flat = tensor.inner().reshape([gradient.dims()[0]]);
+        let Optimizer { adam, steps, .. } = *self.optimizer;
+        let (flat, moments) = adam.update(flat, gradient, moments, self.learning_rate, self.scale, steps);
+        self.optimizer.moments.insert(name, moments);
+        let tensor = Tensor::from_inner(flat.reshape(shape)).require_grad();
+        Param::from_mapped_value(id, tensor, mapper)
+    }
+}

@@ -1,0 +1,289 @@
+//! Everything a training run can be asked for, its presets, and how the final values come about: the preset, then a TOML file, then flags, each laid over
+//! what came before. Saved as `config.toml` in the run folder, which `--config` reads again.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use toml::Table;
+use vibes_model::{ModelConfig, ObservationKind};
+
+use crate::error::{Result, TrainError, io, malformed};
+use crate::objective::{Objective, Weights};
+
+/// What the model looks at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Observations {
+    /// Pixels where the recording has them, otherwise vectors.
+    Auto,
+    /// Pictures.
+    Pixels,
+    /// The task's vector observation.
+    Vectors,
+}
+
+/// The resolved options of a run. The paper leaves all of these open but `latent_std`; every choice is explained at its field.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Options {
+    /// Which objective.
+    pub objective: Objective,
+    /// What the model looks at.
+    pub observations: Observations,
+    /// Seed of the first weights, the windows and the noise.
+    pub seed: u64,
+    /// Windows a batch.
+    pub batch: usize,
+    /// Rows a window. Short windows got further per hour than long ones.
+    pub length: usize,
+    /// First rows of a window that begins in mid-episode which only warm up the hidden states: they start from zeros with the true previous action, see
+    /// all observations, and carry no term of the objective. Windows that begin with their episode count whole.
+    pub burn_in: usize,
+    /// Adam's step size for the world model (η_θ = η_φ).
+    pub lr: f64,
+    /// Adam's step size for the adversary (η_ψ, above η_φ).
+    pub adversary_lr: f64,
+    /// Adam's ε.
+    pub adam_epsilon: f32,
+    /// Largest global norm of the world model's, and of the adversary's, gradient.
+    pub gradient_clip: f32,
+    /// Weight of the dynamics term. At 1, as the objective is written, the latent soon ignores the picture and stays so; at 0.03 it learns to see.
+    pub dynamics_weight: f32,
+    /// Updates over which the dynamics term's weight rises from zero to its value.
+    pub dynamics_warmup: u64,
+    /// Weight of the reward term.
+    pub reward_weight: f32,
+    /// Channels after the first convolution.
+    pub depth: usize,
+    /// Width of features and hidden states.
+    pub hidden: usize,
+    /// Width of the heads' hidden layers.
+    pub head: usize,
+    /// Dimensions of the latent.
+    pub latent: usize,
+    /// Standard deviation of the encoder; the paper's 0.1.
+    pub latent_std: f32,
+    /// Least standard deviation of a prediction of a latent. A latent carries noise of `latent_std`, so nothing can be surer than that.
+    pub prediction_floor: f32,
+    /// Least standard deviation of the predicted reward, in units of reward.
+    pub reward_floor: f32,
+    /// Updates to make in all.
+    pub updates: u64,
+    /// Minutes to train in all, over every time the run was continued; 0 for no limit.
+    pub minutes: f64,
+    /// Updates between checkpoints.
+    pub checkpoint_every: u64,
+    /// Updates a line of metrics covers.
+    pub log_every: u64,
+    /// Checkpoints to keep.
+    pub keep: usize,
+}
+
+/// The presets, by name.
+pub const PRESETS: [(&str, fn() -> Options); 4] = [("tiny", tiny), ("small", small), ("base", base), ("paper", paper)];
+
+/// For a CPU: what learned fastest per hour in the first trials.
+pub fn small() -> Options {
+    Options {
+        objective: Objective::Vibes,
+        observations: Observations::Auto,
+        seed: 0,
+        batch: 8,
+        length: 16,
+        burn_in: 2,
+        lr: 5e-4,
+        adversary_lr: 1e-3,
+        adam_epsilon: 1e-8,
+        gradient_clip: 100.0,
+        dynamics_weight: 0.03,
+        dynamics_warmup: 0,
+        reward_weight: 1.0,
+        depth: 16,
+        hidden: 256,
+        head: 256,
+        latent: 32,
+        latent_std: 0.1,
+        prediction_floor: 0.1,
+        reward_floor: 0.1,
+        updates: 20_000,
+        minutes: 0.0,
+        checkpoint_every: 500,
+        log_every: 20,
+        keep: 3,
+    }
+}
+
+/// For tests: seconds, not minutes.
+fn tiny() -> Options {
+    Options { batch: 4, length: 8, depth: 4, hidden: 32, head: 32, latent: 8, updates: 200, checkpoint_every: 50, log_every: 5, ..small() }
+}
+
+/// The size of the networks most often used with such pictures; a machine with many cores or a GPU.
+fn base() -> Options {
+    Options { batch: 16, length: 32, burn_in: 4, depth: 32, lr: 3e-4, updates: 100_000, checkpoint_every: 1000, ..small() }
+}
+
+/// The objective with the weights it is written with, at Dreamer's sizes (which the paper replaces the model learning of).
+fn paper() -> Options {
+    Options { batch: 50, length: 50, burn_in: 0, depth: 32, hidden: 200, head: 200, latent: 30, dynamics_weight: 1.0, lr: 3e-4, updates: 100_000, ..small() }
+}
+
+impl Options {
+    /// The preset `name`, with the entries of `layers` laid over it one after the other; each is a path for messages and a table.
+    ///
+    /// # Errors
+    /// An unknown preset or option, or a value that cannot be; the message lists what there is.
+    pub fn resolve(name: &str, layers: &[(&str, Table)]) -> Result<Self> {
+        let preset = PRESETS.iter().find(|(preset, _)| *preset == name).ok_or_else(|| {
+            let names = PRESETS.map(|(name, _)| name).join(", ");
+            TrainError::Options(format!("no preset `{name}`; there are {names}"))
+        })?;
+        let mut table = Table::try_from((preset.1)()).map_err(|error| TrainError::Options(error.to_string()))?;
+        for (place, layer) in layers {
+            for (key, value) in layer {
+                table.insert(key.clone(), widen(value, table.get(key)));
+            }
+            let checked: std::result::Result<Self, _> = table.clone().try_into();
+            checked.map_err(|error| TrainError::Options(format!("{}; in {place}", error.message())))?;
+        }
+        let options: Self = table.try_into().map_err(|error: toml::de::Error| TrainError::Options(error.message().to_owned()))?;
+        options.check()?;
+        Ok(options)
+    }
+
+    /// Reads a table of options.
+    ///
+    /// # Errors
+    /// The file is missing or not TOML.
+    pub fn read_table(path: &Path) -> Result<Table> {
+        let text = std::fs::read_to_string(path).map_err(io("read", path))?;
+        text.parse().map_err(|error: toml::de::Error| malformed(path, error.message(), "a TOML table of options like a run's config.toml"))
+    }
+
+    fn check(&self) -> Result<()> {
+        let positive = [
+            ("batch", self.batch as f64),
+            ("log-every", self.log_every as f64),
+            ("checkpoint-every", self.checkpoint_every as f64),
+            ("keep", self.keep as f64),
+            ("depth", self.depth as f64),
+            ("hidden", self.hidden as f64),
+            ("head", self.head as f64),
+            ("latent", self.latent as f64),
+            ("lr", self.lr),
+            ("adversary-lr", self.adversary_lr),
+            ("gradient-clip", self.gradient_clip.into()),
+            ("latent-std", self.latent_std.into()),
+            ("prediction-floor", self.prediction_floor.into()),
+            ("reward-floor", self.reward_floor.into()),
+        ];
+        let small = positive.iter().find(|(_, value)| value.is_nan() || *value <= 0.0);
+        if let Some((name, value)) = small {
+            return Err(TrainError::Options(format!("--{name} is {value}; it must be above 0")));
+        }
+        if self.length < self.burn_in + 2 {
+            let (length, burn_in) = (self.length, self.burn_in);
+            return Err(TrainError::Options(format!("--length is {length}; with --burn-in {burn_in} it must be at least {}", burn_in + 2)));
+        }
+        Ok(())
+    }
+
+    /// Weights of the terms at one update.
+    pub fn weights(&self, update: u64) -> Weights {
+        let risen = if update >= self.dynamics_warmup { 1.0 } else { update as f32 / self.dynamics_warmup as f32 };
+        Weights { dynamics: self.dynamics_weight * risen, reward: self.reward_weight }
+    }
+
+    /// The model these options ask for, for a task and its observations.
+    pub fn model(&self, spec: &vibes_data::Spec, observation: ObservationKind) -> ModelConfig {
+        ModelConfig {
+            task: spec.task.clone(),
+            observation,
+            action_min: spec.action.min.iter().map(|&bound| bound as f32).collect(),
+            action_max: spec.action.max.iter().map(|&bound| bound as f32).collect(),
+            depth: self.depth,
+            hidden: self.hidden,
+            head: self.head,
+            latent: self.latent,
+            latent_std: self.latent_std,
+            prediction_floor: self.prediction_floor,
+            reward_floor: self.reward_floor,
+            adversary: self.objective == Objective::Vibes,
+            decoder: self.objective == Objective::Reconstruction,
+        }
+    }
+
+    /// The first option in which a run's options and the asked ones differ, as (name, in the run, asked). How long to train and how often to save may
+    /// change from one call to the next.
+    pub fn first_difference(&self, asked: &Self) -> Option<(String, String, String)> {
+        let free = ["updates", "minutes", "checkpoint_every", "keep"];
+        let (mine, theirs) = (Table::try_from(self).ok()?, Table::try_from(asked).ok()?);
+        let differs = |(key, value): (&String, &toml::Value)| {
+            let other = theirs.get(key)?;
+            (!free.contains(&key.as_str()) && other != value).then(|| (key.replace('_', "-"), value.to_string(), other.to_string()))
+        };
+        mine.iter().find_map(differs)
+    }
+}
+
+/// A whole number where a broken one is expected is meant as one.
+fn widen(value: &toml::Value, like: Option<&toml::Value>) -> toml::Value {
+    match (value, like) {
+        (toml::Value::Integer(whole), Some(toml::Value::Float(_))) => toml::Value::Float(*whole as f64),
+        _ => value.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_preset_passes_its_own_checks() {
+        for (name, _) in PRESETS {
+            Options::resolve(name, &[]).unwrap_or_else(|error| panic!("{name}: {error}"));
+        }
+    }
+
+    #[test]
+    fn later_layers_win_and_whole_numbers_are_widened() {
+        let file: Table = "batch = 3\nlr = 1".parse().unwrap();
+        let flags: Table = "batch = 5".parse().unwrap();
+        let options = Options::resolve("small", &[("a.toml", file), ("the arguments", flags)]).unwrap();
+        assert_eq!((options.batch, options.lr), (5, 1.0));
+    }
+
+    #[test]
+    fn unknown_names_list_the_known_ones() {
+        let error = Options::resolve("huge", &[]).unwrap_err().to_string();
+        assert!(error.contains("tiny, small, base, paper"), "{error}");
+        let file: Table = "batchsize = 3".parse().unwrap();
+        let error = Options::resolve("small", &[("a.toml", file)]).unwrap_err().to_string();
+        assert!(error.contains("batchsize") && error.contains("gradient_clip") && error.contains("a.toml"), "{error}");
+    }
+
+    #[test]
+    fn impossible_values_are_refused() {
+        for text in ["batch = 0", "lr = 0", "latent_std = -1.0", "length = 3", "objective = 'dreamer'", "lr = nan"] {
+            let layer: Table = text.parse().unwrap();
+            assert!(Options::resolve("small", &[("the arguments", layer)]).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn warm_up_rises_to_the_weight() {
+        let options = Options { dynamics_warmup: 100, dynamics_weight: 0.5, ..small() };
+        assert_eq!(options.weights(0).dynamics, 0.0);
+        assert_eq!(options.weights(50).dynamics, 0.25);
+        assert_eq!(options.weights(100).dynamics, 0.5);
+        assert_eq!(small().weights(0).dynamics, 0.03);
+    }
+
+    #[test]
+    fn only_options_that_change_the_numbers_are_compared() {
+        let longer = Options { updates: 5, ..small() };
+        assert_eq!(small().first_difference(&longer), None);
+        let other = Options { dynamics_weight: 1.0, ..small() };
+        assert_eq!(small().first_difference(&other).unwrap().0, "dynamics-weight");
+    }
+}

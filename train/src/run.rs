@@ -1,0 +1,225 @@
+//! A run folder. In: options, recordings and a learner. Out: everything that is needed to go on exactly where it stopped, and to use the model.
+//!
+//! ```text
+//! run.json                          options, model, recordings, versions
+//! config.toml                       the options alone; `--config` reads it
+//! metrics.jsonl                     one line every few updates
+//! checkpoints/000500/
+//!     model.safetensors             weights, with the model's configuration in the metadata
+//!     optimizer.safetensors         Adam's moments
+//!     state.json                    updates made, Adam's steps, seconds trained
+//! latents.arrow                     from `vibes-train encode`
+//! ```
+//!
+//! A checkpoint is written beside its place and renamed, so it is there whole or not at all. The random numbers of an update follow from the seed and the update's
+//! number, so the number is the whole random state.
+
+use std::collections::{BTreeMap, HashMap};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use burn::tensor::Device;
+use serde::{Deserialize, Serialize};
+use vibes_data::write_atomically;
+use vibes_model::checkpoint::{load_tensors, save_tensors};
+use vibes_model::{Model, ModelConfig};
+
+use crate::error::{Result, TrainError, io, malformed};
+use crate::options::Options;
+use crate::update::Learner;
+
+/// What `run.json` holds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunInfo {
+    /// Always `vibes-run/1`.
+    pub format: String,
+    /// The resolved options.
+    pub options: Options,
+    /// The model.
+    pub model: ModelConfig,
+    /// The recordings, as they were named.
+    pub recordings: Vec<PathBuf>,
+    /// Episodes and steps in them when the run began.
+    pub episodes: usize,
+    /// Steps of all those episodes.
+    pub steps: u64,
+    /// Versions of what the numbers depend on.
+    pub versions: BTreeMap<String, String>,
+}
+
+/// What `state.json` holds.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// Updates made.
+    pub update: u64,
+    /// Adam's steps of the world model.
+    pub optimizer_steps: u64,
+    /// Adam's steps of the adversary.
+    pub adversary_optimizer_steps: u64,
+    /// Seconds trained, over every time the run was continued.
+    pub seconds: f64,
+}
+
+/// A run folder on disk.
+#[derive(Debug, Clone)]
+pub struct Run {
+    path: PathBuf,
+    info: RunInfo,
+}
+
+/// The format's name in `run.json`.
+pub const FORMAT: &str = "vibes-run/1";
+
+impl Run {
+    /// Begins a run, or opens the one that is there if it was begun with the same options.
+    ///
+    /// # Errors
+    /// Another run is there, or the folder cannot be written.
+    pub fn create_or_open(path: &Path, info: RunInfo) -> Result<Self> {
+        if !path.join("run.json").exists() {
+            fs::create_dir_all(path.join("checkpoints")).map_err(io("create", path))?;
+            let run = Self { path: path.to_owned(), info };
+            run.write_info()?;
+            return Ok(run);
+        }
+        let found = Self::open(path)?;
+        let other = |key: &str, found: String, asked: String| TrainError::OtherRun { key: key.to_owned(), found, asked, path: path.to_owned() };
+        if let Some((key, found, asked)) = found.info.options.first_difference(&info.options) {
+            return Err(other(&key, found, asked));
+        }
+        if found.info.model != info.model {
+            return Err(other("model", describe(&found.info.model), describe(&info.model)));
+        }
+        let run = Self { path: path.to_owned(), info };
+        run.write_info()?;
+        Ok(run)
+    }
+
+    /// Opens a run.
+    ///
+    /// # Errors
+    /// There is none, or its `run.json` is damaged.
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = path.join("run.json");
+        let text = match fs::read_to_string(&file) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Err(TrainError::NoRun { path: path.to_owned() }),
+            Err(error) => return Err(io("read", &file)(error)),
+        };
+        let info: RunInfo = serde_json::from_str(&text).map_err(|error| malformed(&file, error, "a run.json as `vibes-train offline` writes it"))?;
+        if info.format != FORMAT {
+            return Err(malformed(&file, format!("format {}", info.format), "this program reads vibes-run/1"));
+        }
+        Ok(Self { path: path.to_owned(), info })
+    }
+
+    /// What `run.json` says.
+    pub fn info(&self) -> &RunInfo {
+        &self.info
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The metrics.
+    pub fn metrics_path(&self) -> PathBuf {
+        self.path.join("metrics.jsonl")
+    }
+
+    /// Every checkpoint's number of updates, ascending.
+    pub fn checkpoints(&self) -> Vec<u64> {
+        let Ok(entries) = fs::read_dir(self.path.join("checkpoints")) else { return Vec::new() };
+        let number = |entry: std::io::Result<fs::DirEntry>| entry.ok()?.file_name().to_str()?.parse().ok();
+        let mut numbers: Vec<u64> = entries.filter_map(number).collect();
+        numbers.sort_unstable();
+        numbers
+    }
+
+    /// The folder of a checkpoint.
+    pub fn checkpoint_path(&self, update: u64) -> PathBuf {
+        self.path.join("checkpoints").join(format!("{update:06}"))
+    }
+
+    /// The model file of the newest checkpoint.
+    ///
+    /// # Errors
+    /// There is none yet.
+    pub fn newest_model(&self) -> Result<PathBuf> {
+        let newest = self.checkpoints().last().copied().ok_or_else(|| TrainError::NoCheckpoint { path: self.path.clone() })?;
+        Ok(self.checkpoint_path(newest).join("model.safetensors"))
+    }
+
+    /// Saves a checkpoint, whole or not at all, and lets go of the oldest beyond those to keep.
+    ///
+    /// # Errors
+    /// The folder cannot be written.
+    pub fn save(&self, learner: &Learner, state: State) -> Result<()> {
+        let (place, partial) = (self.checkpoint_path(state.update), self.path.join("checkpoints/.partial"));
+        if partial.exists() {
+            fs::remove_dir_all(&partial).map_err(io("remove", &partial))?;
+        }
+        fs::create_dir_all(&partial).map_err(io("create", &partial))?;
+        learner.model.save(&partial.join("model.safetensors"))?;
+        let mut moments = learner.optimizer.to_tensors("world");
+        moments.extend(learner.adversary_optimizer.to_tensors("adversary"));
+        save_tensors(&partial.join("optimizer.safetensors"), &moments, HashMap::new())?;
+        write_json(&partial.join("state.json"), &state)?;
+        if place.exists() {
+            fs::remove_dir_all(&place).map_err(io("remove", &place))?;
+        }
+        fs::rename(&partial, &place).map_err(io("rename", &place))?;
+        self.let_go()
+    }
+
+    /// The learner of the newest checkpoint and where it stood; none if nothing was saved yet.
+    ///
+    /// # Errors
+    /// A file is missing or damaged.
+    pub fn resume(&self, device: &Device) -> Result<Option<(Learner, State)>> {
+        let Some(newest) = self.checkpoints().last().copied() else { return Ok(None) };
+        let folder = self.checkpoint_path(newest);
+        let model = Model::load(&folder.join("model.safetensors"), device)?;
+        let file = folder.join("state.json");
+        let text = fs::read_to_string(&file).map_err(io("read", &file))?;
+        let state: State = serde_json::from_str(&text).map_err(|error| malformed(&file, error, "a state.json as `vibes-train` writes it"))?;
+        let (moments, _) = load_tensors(&folder.join("optimizer.safetensors"))?;
+        let mut learner = Learner::new(model, &self.info.options, device);
+        learner.optimizer.restore("world", &moments, state.optimizer_steps, device);
+        learner.adversary_optimizer.restore("adversary", &moments, state.adversary_optimizer_steps, device);
+        Ok(Some((learner, state)))
+    }
+
+    fn let_go(&self) -> Result<()> {
+        let numbers = self.checkpoints();
+        let surplus = numbers.len().saturating_sub(self.info.options.keep);
+        for number in &numbers[..surplus] {
+            let folder = self.checkpoint_path(*number);
+            fs::remove_dir_all(&folder).map_err(io("remove", &folder))?;
+        }
+        Ok(())
+    }
+
+    fn write_info(&self) -> Result<()> {
+        write_json(&self.path.join("run.json"), &self.info)?;
+        let file = self.path.join("config.toml");
+        let text = toml::to_string(&self.info.options).map_err(|error| malformed(&file, error, "options that TOML can hold"))?;
+        Ok(write_atomically(&file, text.as_bytes())?)
+    }
+}
+
+/// Versions of what the numbers depend on.
+pub fn versions() -> BTreeMap<String, String> {
+    let versions = [("vibes-train", env!("CARGO_PKG_VERSION")), ("burn", "0.22.1")];
+    versions.into_iter().map(|(name, version)| (name.to_owned(), version.to_owned())).collect()
+}
+
+fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
+    let text = serde_json::to_string_pretty(value).map_err(|error| malformed(path, error, "values that JSON can hold"))?;
+    Ok(write_atomically(path, (text + "\n").as_bytes())?)
+}
+
+fn describe(model: &ModelConfig) -> String {
+    format!("{} with {} and {} actions", model.task, model.observation, model.actions())
+}
