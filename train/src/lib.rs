@@ -9,8 +9,10 @@
 //! | [`fit`] | the one loop |
 //! | [`run`], [`metrics`], [`spectrum`] | the run folder, its numbers over time |
 //! | [`encode`] | a trained run's latents of a recording |
+//! | [`bench`] | how long an update takes |
 
 pub mod batch;
+pub mod bench;
 pub mod encode;
 pub mod error;
 pub mod fit;

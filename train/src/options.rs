@@ -44,15 +44,15 @@ pub struct Options {
     /// Adam's step size for the adversary (η_ψ, above η_φ).
     pub adversary_lr: f64,
     /// Adam's ε.
-    pub adam_epsilon: f32,
+    pub adam_epsilon: f64,
     /// Largest global norm of the world model's, and of the adversary's, gradient.
-    pub gradient_clip: f32,
+    pub gradient_clip: f64,
     /// Weight of the dynamics term. At 1, as the objective is written, the latent soon ignores the picture and stays so; at 0.03 it learns to see.
-    pub dynamics_weight: f32,
+    pub dynamics_weight: f64,
     /// Updates over which the dynamics term's weight rises from zero to its value.
     pub dynamics_warmup: u64,
     /// Weight of the reward term.
-    pub reward_weight: f32,
+    pub reward_weight: f64,
     /// Channels after the first convolution.
     pub depth: usize,
     /// Width of features and hidden states.
@@ -62,11 +62,11 @@ pub struct Options {
     /// Dimensions of the latent.
     pub latent: usize,
     /// Standard deviation of the encoder; the paper's 0.1.
-    pub latent_std: f32,
+    pub latent_std: f64,
     /// Least standard deviation of a prediction of a latent. A latent carries noise of `latent_std`, so nothing can be surer than that.
-    pub prediction_floor: f32,
+    pub prediction_floor: f64,
     /// Least standard deviation of the predicted reward, in units of reward.
-    pub reward_floor: f32,
+    pub reward_floor: f64,
     /// Updates to make in all.
     pub updates: u64,
     /// Minutes to train in all, over every time the run was continued; 0 for no limit.
@@ -172,10 +172,10 @@ impl Options {
             ("latent", self.latent as f64),
             ("lr", self.lr),
             ("adversary-lr", self.adversary_lr),
-            ("gradient-clip", self.gradient_clip.into()),
-            ("latent-std", self.latent_std.into()),
-            ("prediction-floor", self.prediction_floor.into()),
-            ("reward-floor", self.reward_floor.into()),
+            ("gradient-clip", self.gradient_clip),
+            ("latent-std", self.latent_std),
+            ("prediction-floor", self.prediction_floor),
+            ("reward-floor", self.reward_floor),
         ];
         let small = positive.iter().find(|(_, value)| value.is_nan() || *value <= 0.0);
         if let Some((name, value)) = small {
@@ -190,8 +190,8 @@ impl Options {
 
     /// Weights of the terms at one update.
     pub fn weights(&self, update: u64) -> Weights {
-        let risen = if update >= self.dynamics_warmup { 1.0 } else { update as f32 / self.dynamics_warmup as f32 };
-        Weights { dynamics: self.dynamics_weight * risen, reward: self.reward_weight }
+        let risen = if update >= self.dynamics_warmup { 1.0 } else { update as f64 / self.dynamics_warmup as f64 };
+        Weights { dynamics: (self.dynamics_weight * risen) as f32, reward: self.reward_weight as f32 }
     }
 
     /// The model these options ask for, for a task and its observations.
@@ -205,9 +205,9 @@ impl Options {
             hidden: self.hidden,
             head: self.head,
             latent: self.latent,
-            latent_std: self.latent_std,
-            prediction_floor: self.prediction_floor,
-            reward_floor: self.reward_floor,
+            latent_std: self.latent_std as f32,
+            prediction_floor: self.prediction_floor as f32,
+            reward_floor: self.reward_floor as f32,
             adversary: self.objective == Objective::Vibes,
             decoder: self.objective == Objective::Reconstruction,
         }

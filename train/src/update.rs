@@ -61,7 +61,7 @@ pub struct Measures {
 impl Learner {
     /// A learner before its first update; `device` is one without autodiff.
     pub fn new(model: Model, options: &Options, device: &Device) -> Self {
-        let optimizer = || Optimizer::new(options.adam_epsilon);
+        let optimizer = || Optimizer::new(options.adam_epsilon as f32);
         let Model { config, world, adversary } = model;
         let model = Model { config, world: world.train(), adversary: adversary.map(Module::train) };
         Self { model, optimizer: optimizer(), adversary_optimizer: optimizer(), device: device.clone() }
@@ -101,7 +101,7 @@ impl Learner {
         finite("the adversary's log-likelihood", scalar(&objective))?;
         let gradients = NamedGradients::take(&adversary, &mut objective.neg().backward());
         let gradient_norm = finite("the adversary's gradient norm", gradients.norm(""))?;
-        let adversary = self.adversary_optimizer.step(adversary, gradients, options.adversary_lr, options.gradient_clip);
+        let adversary = self.adversary_optimizer.step(adversary, gradients, options.adversary_lr, options.gradient_clip as f32);
         let prediction = adversary.valid().forward(features.inner(), span.of(latents.clone()), actions);
         self.model.adversary = Some(adversary);
         Ok(AdversaryStep { prediction, gradient_norm })
@@ -112,7 +112,7 @@ impl Learner {
         let gradients = NamedGradients::take(&self.model.world, &mut value.objective.neg().backward());
         measures.gradient_norm = finite("the gradient norm", gradients.norm(""))?;
         measures.encoder_gradient_norm = gradients.norm("encoder.");
-        self.model.world = self.optimizer.step(self.model.world, gradients, options.lr, options.gradient_clip);
+        self.model.world = self.optimizer.step(self.model.world, gradients, options.lr, options.gradient_clip as f32);
         Ok(self)
     }
 }

@@ -1,0 +1,45 @@
+//! `vibes-train encode`: a recording's latents.
+
+use std::io::IsTerminal;
+use std::path::PathBuf;
+
+use anyhow::Result;
+use clap::Args;
+use indicatif::ProgressBar;
+use vibes_data::Recording;
+use vibes_model::Model;
+use vibes_train::encode::encode_recording;
+use vibes_train::run::Run;
+
+use super::Context;
+
+#[derive(Debug, Args)]
+pub(crate) struct EncodeArgs {
+    /// A run folder; its newest checkpoint is used. Or a model.safetensors.
+    run: PathBuf,
+    /// The recording to encode.
+    recording: PathBuf,
+    /// Where to write the latents [default: RUN/latents.arrow].
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+pub(crate) fn run(context: &Context, args: &EncodeArgs) -> Result<()> {
+    let is_file = args.run.is_file();
+    let checkpoint = if is_file { args.run.clone() } else { Run::open(&args.run)?.newest_model()? };
+    let folder = if is_file { args.run.parent().map(PathBuf::from).unwrap_or_default() } else { args.run.clone() };
+    let output = args.output.clone().unwrap_or_else(|| folder.join("latents.arrow"));
+    let recording = Recording::open(&args.recording)?;
+    let device = context.device.open()?;
+    let model = Model::load(&checkpoint, &device)?;
+    let rows: u64 = recording.episodes().iter().map(|episode| u64::from(episode.steps) + 1).sum();
+    let bar = if context.quiet || !std::io::stderr().is_terminal() { ProgressBar::hidden() } else { ProgressBar::new(rows) };
+    encode_recording(&model, &checkpoint, &recording, &output, &device, &mut |done| bar.set_position(done))?;
+    bar.finish_and_clear();
+    if context.json {
+        println!("{}", serde_json::json!({ "latents": output, "rows": rows, "dims": model.config.latent, "checkpoint": checkpoint }));
+    } else if !context.quiet {
+        println!("{rows} latents of {} dimensions by {}: {}", model.config.latent, checkpoint.display(), output.display());
+    }
+    Ok(())
+}

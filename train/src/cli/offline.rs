@@ -1,0 +1,74 @@
+//! `vibes-train offline`: train on recordings.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Context as _, Result};
+use clap::Args;
+use vibes_data::Recording;
+use vibes_train::fit::{End, Go, fit, prepare};
+use vibes_train::options::Options;
+use vibes_train::run::Run;
+
+use super::flags::OptionArgs;
+use super::progress::Progress;
+use super::{Context, default_run};
+
+#[derive(Debug, Args)]
+pub(crate) struct OfflineArgs {
+    /// Recordings to train on, all of the same task and sizes.
+    #[arg(required = true, value_name = "RECORDING")]
+    recordings: Vec<PathBuf>,
+    /// The run folder [default: runs/<recording>-<objective>].
+    #[arg(short, long, value_name = "RUN")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    options: OptionArgs,
+}
+
+pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<()> {
+    let options = args.options.resolve()?;
+    let recordings = args.recordings.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>()?;
+    let output = args.output.unwrap_or_else(|| default_run(&args.recordings[0], options.objective.name()));
+    let device = context.device.open()?;
+    let run = prepare(&output, &recordings, &options)?;
+    let stop = stop_on_interrupt()?;
+    let mut progress = Progress::new(context, &options);
+    progress.describe(&run);
+    let end = fit(&run, &recordings, &device, &mut |event| {
+        progress.show(&event);
+        if stop.load(Ordering::Relaxed) { Go::Stop } else { Go::On }
+    })?;
+    progress.finish();
+    report(context, &run, &options, end)
+}
+
+fn report(context: &Context, run: &Run, options: &Options, end: End) -> Result<()> {
+    let made = run.checkpoints().last().copied().unwrap_or(0);
+    let path = run.path().display();
+    if context.json {
+        println!("{}", serde_json::json!({ "run": run.path(), "updates": made, "checkpoint": run.newest_model()?, "end": format!("{end:?}").to_lowercase() }));
+    } else if !context.quiet {
+        match end {
+            End::Nothing => println!("{path} has its {made} updates already; ask for more with --updates N or --minutes M"),
+            End::Updates => println!("{made} updates made; next: vibes-train encode {path} RECORDING"),
+            End::Minutes => println!("{made} updates made in {} minutes; next: vibes-train encode {path} RECORDING", options.minutes),
+            End::Stopped => println!("stopped and saved after {made} updates; the same command goes on from there: {path}"),
+        }
+    }
+    Ok(())
+}
+
+/// The first Ctrl-C lets the update finish and be saved; the second ends the program at once.
+fn stop_on_interrupt() -> Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    let handler = move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    };
+    ctrlc::set_handler(handler).context("cannot listen for Ctrl-C")?;
+    Ok(stop)
+}

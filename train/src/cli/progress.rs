@@ -1,0 +1,108 @@
+//! How training is shown: a bar with rate and estimate on a terminal, plain lines otherwise.
+
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use vibes_train::fit::Event;
+use vibes_train::metrics::Row;
+use vibes_train::options::Options;
+use vibes_train::run::Run;
+
+use super::Context;
+
+/// Time between plain lines.
+const PLAIN_EVERY: Duration = Duration::from_secs(15);
+
+pub(crate) struct Progress {
+    quiet: bool,
+    verbose: bool,
+    minutes: f64,
+    updates: u64,
+    bar: Option<ProgressBar>,
+    told: Option<Instant>,
+}
+
+impl Progress {
+    pub(crate) fn new(context: &Context, options: &Options) -> Self {
+        let terminal = std::io::stderr().is_terminal() && !context.quiet;
+        let bar = terminal.then(|| bar(options));
+        Self { quiet: context.quiet, verbose: context.verbose, minutes: options.minutes, updates: options.updates, bar, told: None }
+    }
+
+    /// What is about to be trained, on what.
+    pub(crate) fn describe(&self, run: &Run) {
+        let info = run.info();
+        let (model, options) = (&info.model, &info.options);
+        self.say(&format!(
+            "{} on {} ({}), {} episodes, {} steps; batch {} × {}; into {}",
+            options.objective,
+            model.task,
+            model.observation,
+            info.episodes,
+            info.steps,
+            options.batch,
+            options.length,
+            run.path().display()
+        ));
+    }
+
+    pub(crate) fn show(&mut self, event: &Event<'_>) {
+        match event {
+            Event::Start { update: 0 } => {}
+            Event::Start { update } => self.say(&format!("going on after {update} updates")),
+            Event::Update { update, seconds } => self.move_bar(*update, *seconds),
+            Event::Metrics(row) => self.metrics(row),
+            Event::Saved { update } if self.verbose => self.say(&format!("saved checkpoint {update}")),
+            Event::Saved { .. } => {}
+        }
+    }
+
+    pub(crate) fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+
+    fn move_bar(&self, update: u64, seconds: f64) {
+        if let Some(bar) = &self.bar {
+            bar.set_position(if self.minutes > 0.0 { seconds as u64 } else { update });
+        }
+    }
+
+    fn metrics(&mut self, row: &Row) {
+        let line = summary(row);
+        if let Some(bar) = &self.bar {
+            bar.set_message(line);
+            return;
+        }
+        let due = self.told.is_none_or(|told| told.elapsed() >= PLAIN_EVERY);
+        if due || self.verbose || row.update == self.updates {
+            self.told = Some(Instant::now());
+            self.say(&format!("{} of {} updates, {:.1}/s: {line}", row.update, self.updates, row.updates_per_second));
+        }
+    }
+
+    fn say(&self, line: &str) {
+        match &self.bar {
+            _ if self.quiet => {}
+            Some(bar) => bar.println(line),
+            None => eprintln!("{line}"),
+        }
+    }
+}
+
+fn summary(row: &Row) -> String {
+    let gap = row.gap.map_or(String::new(), |gap| format!(", gap {gap:.2}"));
+    format!(
+        "dynamics {:.2}{gap}, reward {:.3}, rank {:.1}, variance {:.3}",
+        row.dynamics_log_likelihood, row.reward_log_likelihood, row.effective_rank, row.latent_variance
+    )
+}
+
+fn bar(options: &Options) -> ProgressBar {
+    let (length, unit) = if options.minutes > 0.0 { ((options.minutes * 60.0) as u64, "s") } else { (options.updates, "updates") };
+    let template = format!("{{elapsed}} {{wide_bar}} {{pos}}/{{len}} {unit}, {{per_sec}}, {{eta}} left\n{{msg}}");
+    let style = ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::new(length).with_style(style)
+}
