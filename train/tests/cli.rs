@@ -1,0 +1,115 @@
+//! What needs a real process: exit codes, messages, and that what is written can be read.
+
+mod synthetic;
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use vibes_data::Latents;
+
+fn vibes_train(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_vibes-train")).current_dir(folder).args(arguments).output().unwrap()
+}
+
+fn errors(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn assert_done(output: &Output) {
+    assert_eq!(output.status.code(), Some(0), "{}", errors(output));
+}
+
+#[test]
+fn a_missing_recording_is_named_and_nothing_is_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = vibes_train(folder.path(), &["offline", "nowhere"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(errors(&output).contains("no recording here") && errors(&output).contains("nowhere"), "{}", errors(&output));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn wrong_arguments_exit_with_2_and_list_the_choices() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false);
+    std::fs::write(folder.path().join("bad.toml"), "learning_rate = 1.0").unwrap();
+    let cases: [(&[&str], &str); 6] = [
+        (&["offline"], "<RECORDING>"),
+        (&["offline", "coins", "--preset", "huge"], "tiny, small, base, paper"),
+        (&["offline", "coins", "--objective", "dreamer"], "vibes"),
+        (&["offline", "coins", "--config", "bad.toml"], "learning_rate"),
+        (&["offline", "coins", "--batch", "0"], "above 0"),
+        (&["offline", "coins", "--device", "tpu"], "flex"),
+    ];
+    for (arguments, expected) in cases {
+        let output = vibes_train(folder.path(), arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", errors(&output));
+        assert!(errors(&output).contains(expected), "{arguments:?}: {}", errors(&output));
+        assert!(!folder.path().join("runs").exists(), "{arguments:?}");
+    }
+}
+
+#[test]
+fn train_go_on_encode_and_info() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 20, true);
+    let train = ["offline", "coins", "--preset", "tiny", "--updates"];
+    let output = vibes_train(folder.path(), &[&train[..], &["4"]].concat());
+    assert_done(&output);
+    let again = vibes_train(folder.path(), &[&train[..], &["4"]].concat());
+    assert_done(&again);
+    assert!(String::from_utf8_lossy(&again.stdout).contains("already"));
+    let more = vibes_train(folder.path(), &[&train[..], &["6"]].concat());
+    assert_done(&more);
+    assert!(errors(&more).contains("going on after 4 updates"), "{}", errors(&more));
+
+    assert_done(&vibes_train(folder.path(), &["encode", "runs/coins-vibes", "coins"]));
+    let latents = Latents::read(&folder.path().join("runs/coins-vibes/latents.arrow")).unwrap();
+    assert_eq!((latents.len(), latents.dims), (4 * 21, 8));
+    assert_eq!((latents.state[21], latents.distractor[21], latents.step[22], latents.episode[22]), (Some(0), Some(1), 1, 1));
+    assert!(latents.reward[20].is_none() && latents.reward[19].is_some());
+    for row in 0..latents.len() {
+        let norm: f32 = latents.row(row).iter().map(|x| x * x).sum();
+        assert!((norm - 1.0).abs() < 1e-4, "row {row}: {norm}");
+    }
+    assert!(latents.source.recording.unwrap().ends_with("coins"));
+    assert!(latents.source.checkpoint.unwrap().ends_with("000006/model.safetensors"));
+
+    let info = vibes_train(folder.path(), &["info", "runs/coins-vibes", "--json"]);
+    assert_done(&info);
+    let info: serde_json::Value = serde_json::from_slice(&info.stdout).unwrap();
+    assert_eq!(info["checkpoints"].as_array().unwrap().last().unwrap(), 6);
+    // The saved configuration gives the same run again.
+    let config = vibes_train(folder.path(), &["offline", "coins", "--config", "runs/coins-vibes/config.toml"]);
+    assert_done(&config);
+    assert!(String::from_utf8_lossy(&config.stdout).contains("already"), "{}", errors(&config));
+}
+
+#[test]
+fn a_checkpoint_of_another_shape_is_refused_and_leaves_no_table() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false);
+    synthetic::recording(&folder.path().join("larger"), 24, 2, 20, false);
+    assert_done(&vibes_train(folder.path(), &["offline", "coins", "--preset", "tiny", "--updates", "1", "-o", "run", "-q"]));
+    let output = vibes_train(folder.path(), &["encode", "run", "larger"]);
+    assert_eq!(output.status.code(), Some(1));
+    let message = errors(&output);
+    assert!(message.contains("24×24") && message.contains("16×16") && message.contains("larger"), "{message}");
+    assert!(!folder.path().join("run/latents.arrow").exists());
+}
+
+#[test]
+fn damaged_and_missing_runs_are_told_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false);
+    let output = vibes_train(folder.path(), &["encode", "nowhere", "coins"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(errors(&output).contains("no run here"), "{}", errors(&output));
+    assert_done(&vibes_train(folder.path(), &["offline", "coins", "--preset", "tiny", "--updates", "1", "-o", "run", "-q"]));
+    let model = folder.path().join("run/checkpoints/000001/model.safetensors");
+    let bytes = std::fs::read(&model).unwrap();
+    std::fs::write(&model, &bytes[..bytes.len() / 2]).unwrap();
+    let output = vibes_train(folder.path(), &["encode", "run", "coins"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(errors(&output).contains("not a checkpoint"), "{}", errors(&output));
+}

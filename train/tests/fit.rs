@@ -1,0 +1,140 @@
+//! The loop on made-up recordings: that it learns what can be learned, that it goes on exactly where it stopped, and that it refuses what does not fit.
+
+mod synthetic;
+
+use std::fs;
+use std::path::Path;
+
+use burn::tensor::Device;
+use toml::Table;
+use vibes_data::Recording;
+use vibes_train::TrainError;
+use vibes_train::fit::{End, Event, Go, fit, prepare};
+use vibes_train::metrics::read_rows;
+use vibes_train::objective::Objective;
+use vibes_train::options::Options;
+
+fn options(text: &str) -> Options {
+    Options::resolve("tiny", &[("the test", text.parse::<Table>().unwrap())]).unwrap()
+}
+
+fn train(path: &Path, recordings: &[Recording], options: &Options) -> vibes_train::Result<End> {
+    let run = prepare(path, recordings, options)?;
+    fit(&run, recordings, &Device::flex(), &mut |_| Go::On)
+}
+
+/// Mean reward log-likelihood over the last quarter of a run.
+fn reward_log_likelihood(run: &Path) -> f64 {
+    let rows = read_rows(&run.join("metrics.jsonl")).unwrap();
+    let last = &rows[rows.len() * 3 / 4..];
+    last.iter().map(|row| row.reward_log_likelihood).sum::<f64>() / last.len() as f64
+}
+
+/// Nothing that ignores the state can be better than a normal distribution of variance 1 at ±1: −½ − ½ ln 2π = −1.42 nats; a model whose rows are one step
+/// out of line can do no better.
+const BLIND: f64 = -1.42;
+
+#[test]
+fn rewards_are_learned_from_pixels_because_rows_are_in_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 6, 60, false);
+    for objective in Objective::ALL {
+        let run = folder.path().join(objective.name());
+        let options = options(&format!("objective = '{objective}'\nupdates = 400\nlr = 0.002\ndynamics_weight = 0.01\nobservations = 'pixels'"));
+        assert_eq!(train(&run, std::slice::from_ref(&recording), &options).unwrap(), End::Updates);
+        let reached = reward_log_likelihood(&run);
+        assert!(reached > BLIND + 0.7, "{objective}: {reached}");
+    }
+}
+
+#[test]
+fn rewards_are_learned_from_vectors() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 6, 60, false);
+    let run = folder.path().join("run");
+    train(&run, &[recording], &options("updates = 400\nlr = 0.002\ndynamics_weight = 0.01\nobservations = 'vectors'")).unwrap();
+    let reached = reward_log_likelihood(&run);
+    assert!(reached > BLIND + 0.7, "{reached}");
+}
+
+#[test]
+fn stopping_and_going_on_gives_the_same_bytes_as_never_stopping() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 20, false)];
+    for objective in Objective::ALL {
+        let options = options(&format!("objective = '{objective}'\nupdates = 7\ncheckpoint_every = 5\ndynamics_warmup = 6"));
+        let whole = folder.path().join(format!("{objective}-whole"));
+        train(&whole, &recordings, &options).unwrap();
+        let parts = folder.path().join(format!("{objective}-parts"));
+        for stop_at in [2, 3, 100] {
+            let run = prepare(&parts, &recordings, &options).unwrap();
+            let listen = &mut |event: Event<'_>| match event {
+                Event::Update { update, .. } if update == stop_at => Go::Stop,
+                _ => Go::On,
+            };
+            fit(&run, &recordings, &Device::flex(), listen).unwrap();
+        }
+        for file in ["model.safetensors", "optimizer.safetensors"] {
+            let read = |run: &Path| fs::read(run.join("checkpoints/000007").join(file)).unwrap();
+            assert!(read(&whole) == read(&parts), "{objective}: {file} differs");
+        }
+    }
+}
+
+#[test]
+fn several_recordings_are_trained_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = ["a", "b"].map(|name| synthetic::recording(&folder.path().join(name), synthetic::SIDE, 2, 20, false));
+    let run = folder.path().join("run");
+    train(&run, &recordings, &options("updates = 3\nbatch = 6")).unwrap();
+    let other = synthetic::recording(&folder.path().join("c"), 32, 2, 20, false);
+    let mixed = [recordings[0].clone(), other];
+    let error = train(&folder.path().join("mixed"), &mixed, &options("updates = 3")).unwrap_err().to_string();
+    assert!(error.contains("32×32") && error.contains("16×16"), "{error}");
+}
+
+#[test]
+fn old_checkpoints_are_let_go_and_metrics_follow_the_checkpoints() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false)];
+    let path = folder.path().join("run");
+    train(&path, &recordings, &options("updates = 8\ncheckpoint_every = 2\nlog_every = 2\nkeep = 2")).unwrap();
+    let run = vibes_train::run::Run::open(&path).unwrap();
+    assert_eq!(run.checkpoints(), [6, 8]);
+    // As if the program had died after update 8 was logged but before it was saved.
+    fs::remove_dir_all(run.checkpoint_path(8)).unwrap();
+    train(&path, &recordings, &options("updates = 10\ncheckpoint_every = 2\nlog_every = 2\nkeep = 2")).unwrap();
+    let updates: Vec<u64> = read_rows(&run.metrics_path()).unwrap().iter().map(|row| row.update).collect();
+    assert_eq!(updates, [2, 4, 6, 8, 10]);
+}
+
+#[test]
+fn a_run_of_other_options_is_refused_and_a_finished_one_has_nothing_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false)];
+    let path = folder.path().join("run");
+    train(&path, &recordings, &options("updates = 2")).unwrap();
+    assert_eq!(train(&path, &recordings, &options("updates = 2")).unwrap(), End::Nothing);
+    let error = train(&path, &recordings, &options("updates = 2\nlr = 0.5")).unwrap_err();
+    assert!(matches!(&error, TrainError::OtherRun { key, .. } if key == "lr"), "{error}");
+}
+
+#[test]
+fn a_loss_that_is_no_number_stops_and_keeps_the_last_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false)];
+    let path = folder.path().join("run");
+    train(&path, &recordings, &options("updates = 2\nlr = 1e30")).unwrap();
+    let error = train(&path, &recordings, &options("updates = 50\nlr = 1e30")).unwrap_err();
+    assert!(matches!(error, TrainError::Diverged { .. }), "{error}");
+    let run = vibes_train::run::Run::open(&path).unwrap();
+    assert_eq!(run.checkpoints(), [2]);
+}
+
+#[test]
+fn windows_longer_than_every_episode_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 5, false)];
+    let error = train(&folder.path().join("run"), &recordings, &options("length = 8")).unwrap_err().to_string();
+    assert!(error.contains("longest has 5"), "{error}");
+}
