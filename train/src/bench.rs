@@ -135,7 +135,7 @@ fn convolution_gflop(options: &Options, sizes: Sizes, adversary: bool) -> f64 {
     per_frame * frames as f64 / 1e9
 }
 
-fn made_up_spec(sizes: Sizes) -> Spec {
+pub(crate) fn made_up_spec(sizes: Sizes) -> Spec {
     let side = sizes.picture as u32;
     Spec {
         task: "made-up".to_owned(),
@@ -150,7 +150,7 @@ fn made_up_spec(sizes: Sizes) -> Spec {
     }
 }
 
-fn made_up_windows(options: &Options, sizes: Sizes, rng: &mut impl Rng) -> WindowBatch {
+pub(crate) fn made_up_windows(options: &Options, sizes: Sizes, rng: &mut impl Rng) -> WindowBatch {
     let rows = options.length * options.batch;
     let mut actions = || (0..rows * sizes.actions).map(|_| rng.random_range(-1.0..1.0)).collect::<Vec<f32>>();
     let (actions, previous_actions) = (actions(), actions());

@@ -140,6 +140,7 @@ impl Training<'_> {
             if update.is_multiple_of(self.options.checkpoint_every) || end.is_some() {
                 self.state.optimizer_steps = learner.optimizer.steps();
                 self.state.adversary_optimizer_steps = learner.adversary_optimizer.steps();
+                self.check_weights(&learner)?;
                 self.run.save(&learner, self.state)?;
                 listen(Event::Saved { update });
             }
@@ -166,6 +167,14 @@ impl Training<'_> {
         self.state.update += 1;
         self.state.seconds += begun.elapsed().as_secs_f64();
         Ok(learner)
+    }
+
+    /// Never saves a model whose last step overflowed: it would take the place of the last good checkpoint.
+    fn check_weights(&self, learner: &Learner) -> Result<()> {
+        match learner.model.first_not_finite() {
+            None => Ok(()),
+            Some(value) => Err(TrainError::Diverged { update: self.state.update, what: "a weight", value, run: self.run.path().to_owned() }),
+        }
     }
 
     fn end(&self, go: Go) -> Option<End> {

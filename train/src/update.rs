@@ -185,3 +185,6 @@ fn measure(predictions: &Predictions, value: &Value, adversary: Option<&Adversar
 fn finite(what: &'static str, value: f32) -> Result<f32> {
     if value.is_finite() { Ok(value) } else { Err(TrainError::NotFinite { what, value }) }
 }
+
+#[cfg(test)]
+mod tests;

@@ -11,6 +11,7 @@ use crate::decoder::Decoder;
 use crate::dynamics::Dynamics;
 use crate::encoder::Encoder;
 use crate::error::ModelError;
+use crate::parameters::read_parameters;
 use crate::reward::Reward;
 
 /// Encoder (φ), dynamics and reward (θ), and the decoder of the reconstruction ablation.
@@ -49,5 +50,13 @@ impl Model {
         let decoder = config.decoder.then(|| Decoder::init(&config, rng, device)).transpose()?;
         let adversary = config.adversary.then(|| Adversary::init(&config, rng, device)).transpose()?;
         Ok(Self { config, world: World { encoder, dynamics, reward, decoder }, adversary })
+    }
+    /// The first weight that is no finite number, if there is one.
+    pub fn first_not_finite(&self) -> Option<f32> {
+        let mut tensors = read_parameters(&self.world, "world");
+        if let Some(adversary) = &self.adversary {
+            tensors.extend(read_parameters(adversary, "adversary"));
+        }
+        tensors.values().flat_map(|tensor| &tensor.values).copied().find(|weight| !weight.is_finite())
     }
 }

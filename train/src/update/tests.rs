@@ -1,0 +1,103 @@
+//! One batch, again and again: every objective must fit it, the adversary must learn, and what must stay fixed must stay fixed.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use toml::Table;
+use vibes_model::ObservationKind;
+use vibes_model::parameters::read_parameters;
+
+use super::*;
+use crate::bench::{Sizes, made_up_spec, made_up_windows};
+use crate::objective::Objective;
+
+const SIZES: Sizes = Sizes { picture: 16, actions: 2, repeats: 1 };
+
+fn learner(objective: Objective, more: &str) -> (Learner, Batch, Options) {
+    let shared = format!("objective = '{objective}'\nlr = 0.002\nadversary_lr = 0.002\nburn_in = 0");
+    let layer = |text: &str| ("the test", text.parse::<Table>().unwrap());
+    let options = Options::resolve("tiny", &[layer(&shared), layer(more)]).unwrap();
+    let device = Device::flex();
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let config = options.model(&made_up_spec(SIZES), ObservationKind::Pixels { height: 16, width: 16 });
+    let model = Model::init(config, &mut rng, &device).unwrap();
+    let windows = made_up_windows(&options, SIZES, &mut rng);
+    let batch = Batch::new(&windows, &model.config, options.burn_in, &device.clone().autodiff()).unwrap();
+    (Learner::new(model, &options, &device), batch, options)
+}
+
+#[test]
+fn one_batch_overfits() {
+    for objective in Objective::ALL {
+        let (mut learner, batch, options) = learner(objective, "");
+        let mut rng = ChaCha8Rng::seed_from_u64(6);
+        let mut rewards = Vec::new();
+        let mut first_and_last = Vec::new();
+        for _ in 0..150 {
+            let (next, measures) = learner.update(&batch, options.weights(0), &options, &mut rng).unwrap();
+            learner = next;
+            rewards.push(measures.reward);
+            first_and_last.push((measures.objective, measures.adversary, measures.reconstruction));
+        }
+        let (first, last) = (&first_and_last[0], &first_and_last[149]);
+        assert!(last.0 > first.0 && rewards[149] > rewards[0] + 0.5, "{objective}: {} to {}", rewards[0], rewards[149]);
+        assert_eq!(last.1.is_some(), objective == Objective::Vibes);
+        assert_eq!(last.2.is_some(), objective == Objective::Reconstruction);
+        assert!(last.2 > first.2 || last.2.is_none(), "{objective}");
+    }
+}
+
+#[test]
+fn the_adversary_learns_to_predict_latents_that_stay() {
+    // With a step size of almost nothing the encoder stays; the adversary's likelihood must rise.
+    let (mut learner, batch, options) = learner(Objective::Vibes, "lr = 1e-12");
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    let mut likelihood = Vec::new();
+    for _ in 0..100 {
+        let (next, measures) = learner.update(&batch, options.weights(0), &options, &mut rng).unwrap();
+        learner = next;
+        likelihood.push(measures.adversary.unwrap());
+    }
+    assert!(likelihood[99] > likelihood[0] + 1.0, "{} to {}", likelihood[0], likelihood[99]);
+}
+
+#[test]
+fn the_adversary_moves_the_encoder_through_the_latents() {
+    // Two learners that differ in their adversary's rate alone: after one update ψ differs, and so does the encoder's step, because ψ steps first and its
+    // log-likelihood passes gradients to the latents. Reward and dynamics are the same in both.
+    let encoder_after = |rate: f64| {
+        let (learner, batch, options) = learner(Objective::Vibes, "dynamics_weight = 1.0");
+        let options = Options { adversary_lr: rate, ..options };
+        let (learner, _) = learner.update(&batch, options.weights(0), &options, &mut ChaCha8Rng::seed_from_u64(6)).unwrap();
+        let adversary = learner.model.adversary.as_ref().unwrap();
+        (read_parameters(&learner.model.world.encoder, ""), read_parameters(adversary, ""))
+    };
+    let (slow, fast) = (encoder_after(1e-6), encoder_after(0.1));
+    assert_ne!(slow.1, fast.1);
+    assert_ne!(slow.0, fast.0);
+    assert_eq!(slow, encoder_after(1e-6));
+}
+
+#[test]
+fn warm_up_rows_carry_no_reward() {
+    let (learner, _, options) = learner(Objective::NoAdversary, "burn_in = 3");
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let mut windows = made_up_windows(&options, SIZES, &mut rng);
+    windows.is_first[1] = true;
+    let config = &learner.model.config;
+    let device = Device::flex().autodiff();
+    let batch = Batch::new(&windows, config, options.burn_in, &device).unwrap();
+    // Four windows of eight rows; three rows are left out in each but the one that begins its episode.
+    assert_eq!(batch.count, (4 * 8 - 3 * 3) as f32);
+    let mut other = windows.clone();
+    for (index, reward) in other.rewards.iter_mut().enumerate().take(3 * windows.batch) {
+        if index % windows.batch != 1 {
+            *reward += 100.0;
+        }
+    }
+    let other = Batch::new(&other, config, options.burn_in, &device).unwrap();
+    let objective = |batch: &Batch| {
+        let made = learner.clone().update(batch, options.weights(0), &options, &mut ChaCha8Rng::seed_from_u64(1));
+        made.unwrap().1.objective
+    };
+    assert_eq!(objective(&batch), objective(&other));
+}
