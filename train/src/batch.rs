@@ -44,11 +44,14 @@ impl Batch {
             actions
         };
         let mut previous = scaled(&windows.previous_actions);
-        for (action, _) in previous.chunks_exact_mut(config.actions().max(1)).zip(&windows.is_first).filter(|(_, first)| **first) {
+        for (action, _) in
+            previous.chunks_exact_mut(config.actions().max(1)).zip(&windows.is_first).filter(|(_, first)| **first)
+        {
             action.fill(0.0);
         }
         let counted = counted(windows, burn_in);
-        let tensor = |values: Vec<f32>, width| Tensor::from_data(TensorData::new(values, [length, batch, width]), device);
+        let tensor =
+            |values: Vec<f32>, width| Tensor::from_data(TensorData::new(values, [length, batch, width]), device);
         Ok(Self {
             length,
             batch,

@@ -1,5 +1,9 @@
 //! The command line of `vibes-train`: what may be typed, and the exit code it ends with.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "the command line is where results and errors are printed")]
+#![allow(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "the command line is where results and errors are printed"
+)]
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -18,7 +18,14 @@ const CHUNK: usize = 128;
 ///
 /// # Errors
 /// The recording does not fit the model, or the table cannot be written.
-pub fn encode_recording(model: &Model, checkpoint: &Path, recording: &Recording, output: &Path, device: &Device, listen: &mut dyn FnMut(u64)) -> Result<()> {
+pub fn encode_recording(
+    model: &Model,
+    checkpoint: &Path,
+    recording: &Recording,
+    output: &Path,
+    device: &Device,
+    listen: &mut dyn FnMut(u64),
+) -> Result<()> {
     check_fit(model, recording)?;
     let source = LatentsSource { recording: Some(absolute(recording.path())), checkpoint: Some(absolute(checkpoint)) };
     let mut table = LatentsWriter::create(output, model.config.latent, &source)?;
@@ -42,7 +49,12 @@ pub fn encode_recording(model: &Model, checkpoint: &Path, recording: &Recording,
 ///
 /// # Errors
 /// The observations are not the model's.
-pub fn encode_rows(model: &Model, encoder: &mut EpisodeEncoder<'_>, episode: &EpisodeView, rows: std::ops::Range<usize>) -> Result<Vec<f32>> {
+pub fn encode_rows(
+    model: &Model,
+    encoder: &mut EpisodeEncoder<'_>,
+    episode: &EpisodeView,
+    rows: std::ops::Range<usize>,
+) -> Result<Vec<f32>> {
     let mut previous = Vec::with_capacity(rows.len() * model.config.actions());
     for row in rows.clone() {
         match row {
@@ -71,19 +83,32 @@ pub fn check_fit(model: &Model, recording: &Recording) -> Result<()> {
     let spec = &recording.manifest().spec;
     let config = &model.config;
     let fits = match config.observation {
-        ObservationKind::Pixels { height, width } => spec.pixels.is_some_and(|size| (size.height as usize, size.width as usize) == (height, width)),
+        ObservationKind::Pixels { height, width } => {
+            spec.pixels.is_some_and(|size| (size.height as usize, size.width as usize) == (height, width))
+        }
         ObservationKind::Vector { len } => spec.observation_len() == len,
     };
     if fits && spec.action.min.len() == config.actions() {
         return Ok(());
     }
     let pixels = spec.pixels.map_or("no pixels".to_owned(), |size| format!("pixels of {}×{}", size.height, size.width));
-    let found = format!("{} with {pixels}, observation vectors of {} and {} actions", spec.task, spec.observation_len(), spec.action.min.len());
+    let found = format!(
+        "{} with {pixels}, observation vectors of {} and {} actions",
+        spec.task,
+        spec.observation_len(),
+        spec.action.min.len()
+    );
     let wanted = format!("{} with {} and {} actions", config.task, config.observation, config.actions());
     Err(TrainError::OtherRecording { found, wanted, path: recording.path().to_owned() })
 }
 
-fn chunk(entry: &EpisodeEntry, episode: &EpisodeView, rows: std::ops::Range<usize>, dims: usize, latent: Vec<f32>) -> Latents {
+fn chunk(
+    entry: &EpisodeEntry,
+    episode: &EpisodeView,
+    rows: std::ops::Range<usize>,
+    dims: usize,
+    latent: Vec<f32>,
+) -> Latents {
     let cell = entry.cell;
     Latents {
         episode: vec![entry.index; rows.len()],

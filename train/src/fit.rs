@@ -69,7 +69,9 @@ pub enum End {
 /// # Errors
 /// The recordings differ in what they hold, or lack the observations asked for, or the folder holds another run.
 pub fn prepare(path: &Path, recordings: &[Recording], options: &Options) -> Result<Run> {
-    let Some(first) = recordings.first() else { return Err(TrainError::Options("no recording was named; name at least one".to_owned())) };
+    let Some(first) = recordings.first() else {
+        return Err(TrainError::Options("no recording was named; name at least one".to_owned()));
+    };
     let spec = &first.manifest().spec;
     let observation = observation_kind(first, options.observations)?;
     for other in &recordings[1..] {
@@ -95,12 +97,20 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options) -> Resu
 ///
 /// # Errors
 /// A recording has no episode as long as a window, the loss is no longer a number, or the run folder cannot be written.
-pub fn fit(run: &Run, recordings: &[Recording], device: &Device, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
+pub fn fit(
+    run: &Run,
+    recordings: &[Recording],
+    device: &Device,
+    listen: &mut dyn FnMut(Event<'_>) -> Go,
+) -> Result<End> {
     let options = &run.info().options;
     let windows = Windows::new(recordings, options.length, options.batch)?;
     let (learner, state) = match run.resume(device)? {
         Some(resumed) => resumed,
-        None => (first_learner(run, device)?, State { update: 0, optimizer_steps: 0, adversary_optimizer_steps: 0, seconds: 0.0 }),
+        None => (
+            first_learner(run, device)?,
+            State { update: 0, optimizer_steps: 0, adversary_optimizer_steps: 0, seconds: 0.0 },
+        ),
     };
     if state.update >= options.updates || out_of_time(options, state.seconds) {
         return Ok(End::Nothing);
@@ -160,7 +170,9 @@ impl Training<'_> {
         let mut noise = update_rng(self.options.seed, number, Purpose::Noise);
         let made = learner.update(&batch, self.options.weights(number), self.options, &mut noise);
         let (learner, measures) = made.map_err(|error| match error {
-            TrainError::NotFinite { what, value } => TrainError::Diverged { update: number + 1, what, value, run: self.run.path().to_owned() },
+            TrainError::NotFinite { what, value } => {
+                TrainError::Diverged { update: number + 1, what, value, run: self.run.path().to_owned() }
+            }
             other => other,
         })?;
         self.averages.add(measures, (windows.length * windows.batch) as u64, begun.elapsed(), waited);
@@ -173,7 +185,12 @@ impl Training<'_> {
     fn check_weights(&self, learner: &Learner) -> Result<()> {
         match learner.model.first_not_finite() {
             None => Ok(()),
-            Some(value) => Err(TrainError::Diverged { update: self.state.update, what: "a weight", value, run: self.run.path().to_owned() }),
+            Some(value) => Err(TrainError::Diverged {
+                update: self.state.update,
+                what: "a weight",
+                value,
+                run: self.run.path().to_owned(),
+            }),
         }
     }
 
@@ -196,19 +213,25 @@ fn first_learner(run: &Run, device: &Device) -> Result<Learner> {
 }
 
 fn out_of_time(options: &Options, seconds: f64) -> bool {
-    options.minutes > 0.0 && Duration::from_secs_f64(seconds.max(0.0)) >= Duration::from_secs_f64(options.minutes * 60.0)
+    options.minutes > 0.0
+        && Duration::from_secs_f64(seconds.max(0.0)) >= Duration::from_secs_f64(options.minutes * 60.0)
 }
 
 fn observation_kind(recording: &Recording, wanted: Observations) -> Result<ObservationKind> {
     let spec = &recording.manifest().spec;
-    let pixels = spec.pixels.map(|size| ObservationKind::Pixels { height: size.height as usize, width: size.width as usize });
+    let pixels =
+        spec.pixels.map(|size| ObservationKind::Pixels { height: size.height as usize, width: size.width as usize });
     let vector = Some(spec.observation_len()).filter(|&len| len > 0).map(|len| ObservationKind::Vector { len });
     let (kind, name) = match wanted {
         Observations::Auto => (pixels.or(vector), "observations"),
         Observations::Pixels => (pixels, "pixels"),
         Observations::Vectors => (vector, "vector observations"),
     };
-    kind.ok_or_else(|| TrainError::OtherRecording { found: format!("no {name}"), wanted: name.to_owned(), path: recording.path().to_owned() })
+    kind.ok_or_else(|| TrainError::OtherRecording {
+        found: format!("no {name}"),
+        wanted: name.to_owned(),
+        path: recording.path().to_owned(),
+    })
 }
 
 fn describe(spec: &Spec, kind: ObservationKind) -> String {

@@ -82,7 +82,8 @@ impl Averages {
     pub fn take_row(&mut self, update: u64, latent: usize) -> Row {
         let Self { measures, frames, elapsed, waited } = std::mem::take(self);
         let count = measures.len().max(1) as f64;
-        let mean = |of: &dyn Fn(&Measures) -> f32| measures.iter().map(|measure| f64::from(of(measure))).sum::<f64>() / count;
+        let mean =
+            |of: &dyn Fn(&Measures) -> f32| measures.iter().map(|measure| f64::from(of(measure))).sum::<f64>() / count;
         let mean_some = |of: &dyn Fn(&Measures) -> Option<f32>| {
             let values: Option<Vec<f32>> = measures.iter().map(of).collect();
             values.map(|values| values.into_iter().map(f64::from).sum::<f64>() / count)
@@ -126,7 +127,11 @@ impl MetricsFile {
     /// The file cannot be read or written.
     pub fn open(path: &Path, update: u64) -> Result<Self> {
         let kept: Vec<String> = match fs::read_to_string(path) {
-            Ok(text) => text.lines().filter(|line| row_number(line).is_some_and(|number| number <= update)).map(str::to_owned).collect(),
+            Ok(text) => text
+                .lines()
+                .filter(|line| row_number(line).is_some_and(|number| number <= update))
+                .map(str::to_owned)
+                .collect(),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
             Err(error) => return Err(io("read", path)(error)),
         };
@@ -141,7 +146,8 @@ impl MetricsFile {
     /// # Errors
     /// The file cannot be written.
     pub fn append(&mut self, row: &impl Serialize) -> Result<()> {
-        let line = serde_json::to_string(row).map_err(|error| malformed(&self.path, error, "numbers that JSON can hold"))?;
+        let line =
+            serde_json::to_string(row).map_err(|error| malformed(&self.path, error, "numbers that JSON can hold"))?;
         writeln!(self.file, "{line}").map_err(io("write", &self.path))
     }
 }
@@ -152,7 +158,8 @@ impl MetricsFile {
 /// The file is missing or a line is not a row.
 pub fn read_rows(path: &Path) -> Result<Vec<Row>> {
     let text = fs::read_to_string(path).map_err(io("read", path))?;
-    let parse = |line| serde_json::from_str(line).map_err(|error| malformed(path, error, "one JSON object of metrics a line"));
+    let parse =
+        |line| serde_json::from_str(line).map_err(|error| malformed(path, error, "one JSON object of metrics a line"));
     text.lines().map(parse).collect()
 }
 

@@ -54,7 +54,13 @@ impl Optimizer {
         let norm = gradients.norm("");
         self.steps += 1;
         let scale = if norm > clip { clip / norm } else { 1.0 };
-        module.map(&mut Stepper { path: Vec::new(), optimizer: self, gradients: gradients.by_name, learning_rate, scale })
+        module.map(&mut Stepper {
+            path: Vec::new(),
+            optimizer: self,
+            gradients: gradients.by_name,
+            learning_rate,
+            scale,
+        })
     }
 
     /// The moments as tensors to save, names beginning with `prefix`.
@@ -77,7 +83,8 @@ impl Optimizer {
         };
         let named = tensors.iter().filter_map(|(name, tensor)| Some((name.strip_prefix(&first)?, tensor)));
         let pairs = named.filter_map(|(name, tensor)| Some((name, tensor, tensors.get(&format!("{second}{name}"))?)));
-        let moments = pairs.map(|(name, first, second)| (name.to_owned(), Moments { first: load(first), second: load(second) }));
+        let moments =
+            pairs.map(|(name, first, second)| (name.to_owned(), Moments { first: load(first), second: load(second) }));
         self.moments = moments.collect();
         self.steps = steps;
     }

@@ -115,17 +115,49 @@ pub fn small() -> Options {
 
 /// For tests: seconds, not minutes.
 fn tiny() -> Options {
-    Options { batch: 4, length: 8, depth: 4, hidden: 32, head: 32, latent: 8, updates: 200, checkpoint_every: 50, log_every: 5, ..small() }
+    Options {
+        batch: 4,
+        length: 8,
+        depth: 4,
+        hidden: 32,
+        head: 32,
+        latent: 8,
+        updates: 200,
+        checkpoint_every: 50,
+        log_every: 5,
+        ..small()
+    }
 }
 
 /// The size of the networks most often used with such pictures; a machine with many cores or a GPU.
 fn base() -> Options {
-    Options { batch: 16, length: 32, burn_in: 4, depth: 32, lr: 3e-4, updates: 100_000, checkpoint_every: 1000, ..small() }
+    Options {
+        batch: 16,
+        length: 32,
+        burn_in: 4,
+        depth: 32,
+        lr: 3e-4,
+        updates: 100_000,
+        checkpoint_every: 1000,
+        ..small()
+    }
 }
 
 /// The objective with the weights it is written with, at Dreamer's sizes (which the paper replaces the model learning of).
 fn paper() -> Options {
-    Options { batch: 50, length: 50, burn_in: 0, depth: 32, hidden: 200, head: 200, latent: 30, dynamics_weight: 1.0, lr: 3e-4, updates: 100_000, ..small() }
+    Options {
+        batch: 50,
+        length: 50,
+        burn_in: 0,
+        depth: 32,
+        hidden: 200,
+        head: 200,
+        latent: 30,
+        dynamics_weight: 1.0,
+        lr: 3e-4,
+        updates: 100_000,
+        ..small()
+    }
 }
 
 impl Options {
@@ -146,7 +178,8 @@ impl Options {
             let checked: std::result::Result<Self, _> = table.clone().try_into();
             checked.map_err(|error| TrainError::Options(format!("{}; in {place}", error.message())))?;
         }
-        let options: Self = table.try_into().map_err(|error: toml::de::Error| TrainError::Options(error.message().to_owned()))?;
+        let options: Self =
+            table.try_into().map_err(|error: toml::de::Error| TrainError::Options(error.message().to_owned()))?;
         options.check()?;
         Ok(options)
     }
@@ -157,7 +190,9 @@ impl Options {
     /// The file is missing or not TOML.
     pub fn read_table(path: &Path) -> Result<Table> {
         let text = std::fs::read_to_string(path).map_err(io("read", path))?;
-        text.parse().map_err(|error: toml::de::Error| malformed(path, error.message(), "a TOML table of options like a run's config.toml"))
+        text.parse().map_err(|error: toml::de::Error| {
+            malformed(path, error.message(), "a TOML table of options like a run's config.toml")
+        })
     }
 
     fn check(&self) -> Result<()> {
@@ -183,7 +218,10 @@ impl Options {
         }
         if self.length < self.burn_in + 2 {
             let (length, burn_in) = (self.length, self.burn_in);
-            return Err(TrainError::Options(format!("--length is {length}; with --burn-in {burn_in} it must be at least {}", burn_in + 2)));
+            return Err(TrainError::Options(format!(
+                "--length is {length}; with --burn-in {burn_in} it must be at least {}",
+                burn_in + 2
+            )));
         }
         Ok(())
     }
@@ -220,7 +258,8 @@ impl Options {
         let (mine, theirs) = (Table::try_from(self).ok()?, Table::try_from(asked).ok()?);
         let differs = |(key, value): (&String, &toml::Value)| {
             let other = theirs.get(key)?;
-            (!free.contains(&key.as_str()) && other != value).then(|| (key.replace('_', "-"), value.to_string(), other.to_string()))
+            (!free.contains(&key.as_str()) && other != value)
+                .then(|| (key.replace('_', "-"), value.to_string(), other.to_string()))
         };
         mine.iter().find_map(differs)
     }

@@ -83,7 +83,12 @@ impl Run {
             return Ok(run);
         }
         let found = Self::open(path)?;
-        let other = |key: &str, found: String, asked: String| TrainError::OtherRun { key: key.to_owned(), found, asked, path: path.to_owned() };
+        let other = |key: &str, found: String, asked: String| TrainError::OtherRun {
+            key: key.to_owned(),
+            found,
+            asked,
+            path: path.to_owned(),
+        };
         if let Some((key, found, asked)) = found.info.options.first_difference(&info.options) {
             return Err(other(&key, found, asked));
         }
@@ -103,10 +108,13 @@ impl Run {
         let file = path.join("run.json");
         let text = match fs::read_to_string(&file) {
             Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Err(TrainError::NoRun { path: path.to_owned() }),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                return Err(TrainError::NoRun { path: path.to_owned() });
+            }
             Err(error) => return Err(io("read", &file)(error)),
         };
-        let info: RunInfo = serde_json::from_str(&text).map_err(|error| malformed(&file, error, "a run.json as `vibes-train offline` writes it"))?;
+        let info: RunInfo = serde_json::from_str(&text)
+            .map_err(|error| malformed(&file, error, "a run.json as `vibes-train offline` writes it"))?;
         if info.format != FORMAT {
             return Err(malformed(&file, format!("format {}", info.format), "this program reads vibes-run/1"));
         }
@@ -147,7 +155,8 @@ impl Run {
     /// # Errors
     /// There is none yet.
     pub fn newest_model(&self) -> Result<PathBuf> {
-        let newest = self.checkpoints().last().copied().ok_or_else(|| TrainError::NoCheckpoint { path: self.path.clone() })?;
+        let newest =
+            self.checkpoints().last().copied().ok_or_else(|| TrainError::NoCheckpoint { path: self.path.clone() })?;
         Ok(self.checkpoint_path(newest).join("model.safetensors"))
     }
 
@@ -183,7 +192,8 @@ impl Run {
         let model = Model::load(&folder.join("model.safetensors"), device)?;
         let file = folder.join("state.json");
         let text = fs::read_to_string(&file).map_err(io("read", &file))?;
-        let state: State = serde_json::from_str(&text).map_err(|error| malformed(&file, error, "a state.json as `vibes-train` writes it"))?;
+        let state: State = serde_json::from_str(&text)
+            .map_err(|error| malformed(&file, error, "a state.json as `vibes-train` writes it"))?;
         let (moments, _) = load_tensors(&folder.join("optimizer.safetensors"))?;
         let mut learner = Learner::new(model, &self.info.options, device);
         learner.optimizer.restore("world", &moments, state.optimizer_steps, device);
@@ -204,7 +214,8 @@ impl Run {
     fn write_info(&self) -> Result<()> {
         write_json(&self.path.join("run.json"), &self.info)?;
         let file = self.path.join("config.toml");
-        let text = toml::to_string(&self.info.options).map_err(|error| malformed(&file, error, "options that TOML can hold"))?;
+        let text = toml::to_string(&self.info.options)
+            .map_err(|error| malformed(&file, error, "options that TOML can hold"))?;
         Ok(write_atomically(&file, text.as_bytes())?)
     }
 }
@@ -216,7 +227,8 @@ pub fn versions() -> BTreeMap<String, String> {
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
-    let text = serde_json::to_string_pretty(value).map_err(|error| malformed(path, error, "values that JSON can hold"))?;
+    let text =
+        serde_json::to_string_pretty(value).map_err(|error| malformed(path, error, "values that JSON can hold"))?;
     Ok(write_atomically(path, (text + "\n").as_bytes())?)
 }
 

@@ -11,7 +11,8 @@ pub fn effective_rank(rows: &[f32], dims: usize) -> (f64, f64) {
     if total <= 1e-12 {
         return (0.0, 0.0);
     }
-    let entropy: f64 = values.iter().map(|value| value / total).filter(|share| *share > 1e-12).map(|share| -share * share.ln()).sum();
+    let entropy: f64 =
+        values.iter().map(|value| value / total).filter(|share| *share > 1e-12).map(|share| -share * share.ln()).sum();
     (entropy.exp(), total)
 }
 
@@ -37,7 +38,10 @@ fn covariance(rows: &[f32], dims: usize) -> Vec<f64> {
 /// Eigenvalues of a symmetric matrix by Jacobi's rotations.
 fn eigenvalues(mut a: Vec<f64>, n: usize) -> Vec<f64> {
     for _sweep in 0..30 {
-        let off: f64 = (0..n).flat_map(|i| (0..n).filter(move |&j| j != i).map(move |j| (i, j))).map(|(i, j)| a[i * n + j].powi(2)).sum();
+        let off: f64 = (0..n)
+            .flat_map(|i| (0..n).filter(move |&j| j != i).map(move |j| (i, j)))
+            .map(|(i, j)| a[i * n + j].powi(2))
+            .sum();
         let all: f64 = a.iter().map(|x| x * x).sum();
         if off <= 1e-20 * all {
             break;

@@ -71,9 +71,18 @@ impl Learner {
     ///
     /// # Errors
     /// The batch does not fit the model, or a quantity is no longer a number; the learner is gone then, and its last checkpoint is where to go on.
-    pub fn update(mut self, batch: &Batch, weights: Weights, options: &Options, rng: &mut impl Rng) -> Result<(Self, Measures)> {
+    pub fn update(
+        mut self,
+        batch: &Batch,
+        weights: Weights,
+        options: &Options,
+        rng: &mut impl Rng,
+    ) -> Result<(Self, Measures)> {
         let means = self.model.world.encoder.forward(batch.frames.clone(), batch.previous_actions.clone(), None)?.means;
-        let noise = Tensor::<3>::from_data(TensorData::new(normal(means.shape().num_elements(), rng), means.dims()), &self.device);
+        let noise = Tensor::<3>::from_data(
+            TensorData::new(normal(means.shape().num_elements(), rng), means.dims()),
+            &self.device,
+        );
         let latents = means.clone() + noise * self.model.config.latent_std;
         let before_last = Span { length: batch.length - 1 };
         let adversary = match self.model.adversary.take() {
@@ -90,7 +99,14 @@ impl Learner {
     }
 
     /// The adversary's step, and its prediction for the world model's step.
-    fn adversary_step(&mut self, adversary: Adversary, batch: &Batch, latents: &Tensor<3>, span: Span, options: &Options) -> Result<AdversaryStep> {
+    fn adversary_step(
+        &mut self,
+        adversary: Adversary,
+        batch: &Batch,
+        latents: &Tensor<3>,
+        span: Span,
+        options: &Options,
+    ) -> Result<AdversaryStep> {
         let fixed = latents.clone().detach();
         let actions = span.of(batch.actions.clone());
         let features = adversary.observe.forward(span.frames(&batch.frames, batch.batch), span.length)?;
@@ -101,7 +117,8 @@ impl Learner {
         finite("the adversary's log-likelihood", scalar(&objective))?;
         let gradients = NamedGradients::take(&adversary, &mut objective.neg().backward());
         let gradient_norm = finite("the adversary's gradient norm", gradients.norm(""))?;
-        let adversary = self.adversary_optimizer.step(adversary, gradients, options.adversary_lr, options.gradient_clip as f32);
+        let adversary =
+            self.adversary_optimizer.step(adversary, gradients, options.adversary_lr, options.gradient_clip as f32);
         let prediction = adversary.valid().forward(features.inner(), span.of(latents.clone()), actions);
         self.model.adversary = Some(adversary);
         Ok(AdversaryStep { prediction, gradient_norm })
@@ -153,7 +170,13 @@ fn predict(world: &World, batch: &Batch, latents: Tensor<3>, span: Span) -> Pred
     }
 }
 
-fn evaluate(model: &Model, batch: &Batch, predictions: &Predictions, adversary: Option<&AdversaryStep>, weights: Weights) -> Result<Value> {
+fn evaluate(
+    model: &Model,
+    batch: &Batch,
+    predictions: &Predictions,
+    adversary: Option<&AdversaryStep>,
+    weights: Weights,
+) -> Result<Value> {
     Ok(match (adversary, &model.world.decoder) {
         (Some(step), _) => vibes::value(predictions, &step.prediction, weights),
         (None, Some(decoder)) => {
@@ -169,7 +192,8 @@ fn scalar(value: &Tensor<1>) -> f32 {
 }
 
 fn measure(predictions: &Predictions, value: &Value, adversary: Option<&AdversaryStep>) -> Measures {
-    let log_likelihood = |step: &AdversaryStep| scalar(&predictions.latent_log_prob(&step.prediction).sum()) / predictions.count;
+    let log_likelihood =
+        |step: &AdversaryStep| scalar(&predictions.latent_log_prob(&step.prediction).sum()) / predictions.count;
     Measures {
         objective: scalar(&value.objective),
         dynamics: scalar(&value.dynamics),

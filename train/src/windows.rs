@@ -41,7 +41,10 @@ impl Windows {
     /// # Errors
     /// No episode of a recording is as long as a window.
     pub fn new(recordings: &[Recording], length: usize, batch: usize) -> Result<Self> {
-        let samplers = recordings.iter().map(|recording| WindowSampler::new(recording, length)).collect::<std::result::Result<_, _>>()?;
+        let samplers = recordings
+            .iter()
+            .map(|recording| WindowSampler::new(recording, length))
+            .collect::<std::result::Result<_, _>>()?;
         Ok(Self { samplers, batch })
     }
 
@@ -98,7 +101,12 @@ pub struct Prefetch {
 
 impl Prefetch {
     /// Begins to gather.
-    pub fn start<'scope>(scope: &'scope Scope<'scope, '_>, windows: &'scope Windows, seed: u64, updates: std::ops::Range<u64>) -> Self {
+    pub fn start<'scope>(
+        scope: &'scope Scope<'scope, '_>,
+        windows: &'scope Windows,
+        seed: u64,
+        updates: std::ops::Range<u64>,
+    ) -> Self {
         let (sender, batches) = sync_channel(AHEAD);
         let gather = move || {
             for update in updates {

@@ -24,7 +24,11 @@ fn a_missing_recording_is_named_and_nothing_is_made() {
     let folder = tempfile::tempdir().unwrap();
     let output = vibes_train(folder.path(), &["offline", "nowhere"]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(errors(&output).contains("no recording here") && errors(&output).contains("nowhere"), "{}", errors(&output));
+    assert!(
+        errors(&output).contains("no recording here") && errors(&output).contains("nowhere"),
+        "{}",
+        errors(&output)
+    );
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
@@ -66,7 +70,10 @@ fn train_go_on_encode_and_info() {
     assert_done(&vibes_train(folder.path(), &["encode", "runs/coins-vibes", "coins"]));
     let latents = Latents::read(&folder.path().join("runs/coins-vibes/latents.arrow")).unwrap();
     assert_eq!((latents.len(), latents.dims), (4 * 21, 8));
-    assert_eq!((latents.state[21], latents.distractor[21], latents.step[22], latents.episode[22]), (Some(0), Some(1), 1, 1));
+    assert_eq!(
+        (latents.state[21], latents.distractor[21], latents.step[22], latents.episode[22]),
+        (Some(0), Some(1), 1, 1)
+    );
     assert!(latents.reward[20].is_none() && latents.reward[19].is_some());
     for row in 0..latents.len() {
         let norm: f32 = latents.row(row).iter().map(|x| x * x).sum();
@@ -90,7 +97,10 @@ fn a_checkpoint_of_another_shape_is_refused_and_leaves_no_table() {
     let folder = tempfile::tempdir().unwrap();
     synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false);
     synthetic::recording(&folder.path().join("larger"), 24, 2, 20, false);
-    assert_done(&vibes_train(folder.path(), &["offline", "coins", "--preset", "tiny", "--updates", "1", "-o", "run", "-q"]));
+    assert_done(&vibes_train(
+        folder.path(),
+        &["offline", "coins", "--preset", "tiny", "--updates", "1", "-o", "run", "-q"],
+    ));
     let output = vibes_train(folder.path(), &["encode", "run", "larger"]);
     assert_eq!(output.status.code(), Some(1));
     let message = errors(&output);
@@ -105,7 +115,10 @@ fn damaged_and_missing_runs_are_told_apart() {
     let output = vibes_train(folder.path(), &["encode", "nowhere", "coins"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(errors(&output).contains("no run here"), "{}", errors(&output));
-    assert_done(&vibes_train(folder.path(), &["offline", "coins", "--preset", "tiny", "--updates", "1", "-o", "run", "-q"]));
+    assert_done(&vibes_train(
+        folder.path(),
+        &["offline", "coins", "--preset", "tiny", "--updates", "1", "-o", "run", "-q"],
+    ));
     let model = folder.path().join("run/checkpoints/000001/model.safetensors");
     let bytes = std::fs::read(&model).unwrap();
     std::fs::write(&model, &bytes[..bytes.len() / 2]).unwrap();

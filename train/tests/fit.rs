@@ -41,7 +41,9 @@ fn rewards_are_learned_from_pixels_because_rows_are_in_line() {
     let recording = synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 6, 60, false);
     for objective in Objective::ALL {
         let run = folder.path().join(objective.name());
-        let options = options(&format!("objective = '{objective}'\nupdates = 400\nlr = 0.002\ndynamics_weight = 0.01\nobservations = 'pixels'"));
+        let options = options(&format!(
+            "objective = '{objective}'\nupdates = 400\nlr = 0.002\ndynamics_weight = 0.01\nobservations = 'pixels'"
+        ));
         assert_eq!(train(&run, std::slice::from_ref(&recording), &options).unwrap(), End::Updates);
         let reached = reward_log_likelihood(&run);
         assert!(reached > BLIND + 0.7, "{objective}: {reached}");
@@ -53,7 +55,8 @@ fn rewards_are_learned_from_vectors() {
     let folder = tempfile::tempdir().unwrap();
     let recording = synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 6, 60, false);
     let run = folder.path().join("run");
-    train(&run, &[recording], &options("updates = 400\nlr = 0.002\ndynamics_weight = 0.01\nobservations = 'vectors'")).unwrap();
+    train(&run, &[recording], &options("updates = 400\nlr = 0.002\ndynamics_weight = 0.01\nobservations = 'vectors'"))
+        .unwrap();
     let reached = reward_log_likelihood(&run);
     assert!(reached > BLIND + 0.7, "{reached}");
 }
@@ -63,7 +66,8 @@ fn stopping_and_going_on_gives_the_same_bytes_as_never_stopping() {
     let folder = tempfile::tempdir().unwrap();
     let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 20, false)];
     for objective in Objective::ALL {
-        let options = options(&format!("objective = '{objective}'\nupdates = 7\ncheckpoint_every = 5\ndynamics_warmup = 6"));
+        let options =
+            options(&format!("objective = '{objective}'\nupdates = 7\ncheckpoint_every = 5\ndynamics_warmup = 6"));
         let whole = folder.path().join(format!("{objective}-whole"));
         train(&whole, &recordings, &options).unwrap();
         let parts = folder.path().join(format!("{objective}-parts"));
@@ -85,7 +89,8 @@ fn stopping_and_going_on_gives_the_same_bytes_as_never_stopping() {
 #[test]
 fn several_recordings_are_trained_together() {
     let folder = tempfile::tempdir().unwrap();
-    let recordings = ["a", "b"].map(|name| synthetic::recording(&folder.path().join(name), synthetic::SIDE, 2, 20, false));
+    let recordings =
+        ["a", "b"].map(|name| synthetic::recording(&folder.path().join(name), synthetic::SIDE, 2, 20, false));
     let run = folder.path().join("run");
     train(&run, &recordings, &options("updates = 3\nbatch = 6")).unwrap();
     let other = synthetic::recording(&folder.path().join("c"), 32, 2, 20, false);
@@ -126,12 +131,17 @@ fn a_loss_that_is_no_number_stops_and_keeps_the_last_checkpoint() {
     let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false)];
     let path = folder.path().join("run");
     // No weight is lost in the first steps, but soon they overflow; whatever was saved before that stays, and is finite.
-    let error = train(&path, &recordings, &options("updates = 50\ncheckpoint_every = 1\nlr = 1e18\nadversary_lr = 1e-3")).unwrap_err();
+    let error =
+        train(&path, &recordings, &options("updates = 50\ncheckpoint_every = 1\nlr = 1e18\nadversary_lr = 1e-3"))
+            .unwrap_err();
     assert!(matches!(error, TrainError::Diverged { .. }), "{error}");
     let run = vibes_train::run::Run::open(&path).unwrap();
     for update in run.checkpoints() {
         let (weights, _) = load_tensors(&run.checkpoint_path(update).join("model.safetensors")).unwrap();
-        assert!(weights.values().flat_map(|tensor| &tensor.values).all(|weight| weight.is_finite()), "checkpoint {update}");
+        assert!(
+            weights.values().flat_map(|tensor| &tensor.values).all(|weight| weight.is_finite()),
+            "checkpoint {update}"
+        );
     }
 }
 

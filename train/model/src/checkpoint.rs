@@ -35,7 +35,8 @@ impl Model {
     /// The file is missing, is not a checkpoint, or its tensors do not fit its own description.
     pub fn load(path: &Path, device: &Device) -> Result<Self, ModelError> {
         let (tensors, metadata) = load_tensors(path)?;
-        let config = metadata.get("config").ok_or_else(|| not_a_checkpoint(path, "it has no metadata entry `config`"))?;
+        let config =
+            metadata.get("config").ok_or_else(|| not_a_checkpoint(path, "it has no metadata entry `config`"))?;
         let config: ModelConfig = serde_json::from_str(config).map_err(|error| not_a_checkpoint(path, error))?;
         // The first values are overwritten, so any generator does.
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(0);
@@ -48,7 +49,8 @@ impl Model {
     /// A tensor is missing or has another shape.
     pub fn with_parameters(self, tensors: &HostTensors) -> Result<Self, ModelError> {
         let world = write_parameters(self.world, "world", tensors)?;
-        let adversary = self.adversary.map(|adversary| write_parameters(adversary, "adversary", tensors)).transpose()?;
+        let adversary =
+            self.adversary.map(|adversary| write_parameters(adversary, "adversary", tensors)).transpose()?;
         Ok(Self { config: self.config, world, adversary })
     }
 }
@@ -61,7 +63,8 @@ pub fn save_tensors(path: &Path, tensors: &HostTensors, metadata: HashMap<String
     let mut views = Vec::with_capacity(tensors.len());
     for (name, tensor) in tensors {
         let bytes = bytemuck::cast_slice(&tensor.values);
-        let view = TensorView::new(Dtype::F32, tensor.shape.clone(), bytes).map_err(|error| not_a_checkpoint(path, error))?;
+        let view =
+            TensorView::new(Dtype::F32, tensor.shape.clone(), bytes).map_err(|error| not_a_checkpoint(path, error))?;
         views.push((name.as_str(), view));
     }
     let bytes = safetensors::serialize(views, Some(metadata)).map_err(|error| not_a_checkpoint(path, error))?;

@@ -5,9 +5,9 @@ use burn::module::{Module, Param};
 use burn::tensor::{Device, Int, Tensor, module};
 use rand::Rng;
 
-use crate::kernels;
 use crate::error::ModelError;
 use crate::init::{constant, he_normal};
+use crate::kernels;
 use crate::linear::{Linear, LinearConfig};
 
 /// The smallest height and width the network takes.

@@ -77,7 +77,9 @@ impl Decoder {
         let [length, batch, latent] = latents.dims();
         let latents = latents.reshape([length * batch, latent]);
         let errors: Tensor<2> = match (frames, &self.picture, &self.vector) {
-            (Frames::Pixels(pixels), Some(net), _) => (net.forward(latents) - (pixels.float() / 255.0 - 0.5)).flatten(1, 3),
+            (Frames::Pixels(pixels), Some(net), _) => {
+                (net.forward(latents) - (pixels.float() / 255.0 - 0.5)).flatten(1, 3)
+            }
             (Frames::Vectors(vectors), _, Some(net)) => net.forward(latents) - vectors,
             _ => {
                 let (wanted, found) = ("its own kind of observation".to_owned(), "another kind".to_owned());

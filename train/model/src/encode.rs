@@ -4,10 +4,10 @@
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 
-use crate::kernels::pixel_tensor;
 use crate::config::{ModelConfig, ObservationKind};
 use crate::encoder::Encoder;
 use crate::error::ModelError;
+use crate::kernels::pixel_tensor;
 use crate::model::Model;
 use crate::observe::Frames;
 use crate::parameters::to_values;
@@ -34,7 +34,12 @@ pub struct EpisodeEncoder<'a> {
 impl<'a> EpisodeEncoder<'a> {
     /// At the start of an episode: the hidden state is zeros, as in training.
     pub fn new(model: &'a Model, device: &Device) -> Self {
-        Self { config: &model.config, encoder: model.world.encoder.valid(), device: device.clone().inner(), state: None }
+        Self {
+            config: &model.config,
+            encoder: model.world.encoder.valid(),
+            device: device.clone().inner(),
+            state: None,
+        }
     }
 
     /// Starts another episode.
@@ -71,9 +76,16 @@ impl<'a> EpisodeEncoder<'a> {
 ///
 /// # Errors
 /// The observations are of another kind or size than `kind`.
-pub fn to_frames(raw: RawFrames<'_>, kind: ObservationKind, frames: usize, device: &Device) -> Result<Frames, ModelError> {
+pub fn to_frames(
+    raw: RawFrames<'_>,
+    kind: ObservationKind,
+    frames: usize,
+    device: &Device,
+) -> Result<Frames, ModelError> {
     match (raw, kind) {
-        (RawFrames::Pixels(bytes), ObservationKind::Pixels { height, width }) if bytes.len() == frames * height * width * 3 => {
+        (RawFrames::Pixels(bytes), ObservationKind::Pixels { height, width })
+            if bytes.len() == frames * height * width * 3 =>
+        {
             Ok(Frames::Pixels(pixel_tensor(bytes.to_vec(), [frames, height, width, 3], device)))
         }
         (RawFrames::Vectors(values), ObservationKind::Vector { len }) if values.len() == frames * len => {

@@ -50,7 +50,12 @@ impl Encoder {
     ///
     /// # Errors
     /// The frames are of another kind than the model's.
-    pub fn forward(&self, frames: Frames, previous_actions: Tensor<3>, state: Option<Tensor<2>>) -> Result<Encoding, ModelError> {
+    pub fn forward(
+        &self,
+        frames: Frames,
+        previous_actions: Tensor<3>,
+        state: Option<Tensor<2>>,
+    ) -> Result<Encoding, ModelError> {
         let [length, batch, _] = previous_actions.dims();
         let features = self.observe.forward(frames, length)?;
         let states = self.gru.forward(Tensor::cat(vec![features, previous_actions], 2), state);

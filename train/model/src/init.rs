@@ -6,14 +6,24 @@ use rand::Rng;
 
 /// He initialisation: normal with standard deviation √(2 / fan-in), which keeps the picture's signal at the size of the action input through
 /// the four convolutions; with the smaller usual uniform values the encoder starts, and stays, a function of the past actions.
-pub fn he_normal<const D: usize>(shape: [usize; D], fan_in: usize, rng: &mut impl Rng, device: &Device) -> Param<Tensor<D>> {
+pub fn he_normal<const D: usize>(
+    shape: [usize; D],
+    fan_in: usize,
+    rng: &mut impl Rng,
+    device: &Device,
+) -> Param<Tensor<D>> {
     let std = (2.0 / fan_in as f32).sqrt();
     let values = normal(shape.iter().product(), rng).into_iter().map(|x| x * std).collect();
     parameter(values, shape, device)
 }
 
 /// Uniform within ±1/√size, as is usual for recurrent weights.
-pub fn recurrent_uniform<const D: usize>(shape: [usize; D], size: usize, rng: &mut impl Rng, device: &Device) -> Param<Tensor<D>> {
+pub fn recurrent_uniform<const D: usize>(
+    shape: [usize; D],
+    size: usize,
+    rng: &mut impl Rng,
+    device: &Device,
+) -> Param<Tensor<D>> {
     let bound = 1.0 / (size as f32).sqrt();
     let count = shape.iter().product();
     parameter((0..count).map(|_| rng.random_range(-bound..bound)).collect(), shape, device)

@@ -115,12 +115,14 @@ fn gru_follows_its_formula() {
     for step in 0..4 {
         let input = |gate: usize| b[gate] + (0..3).map(|i| x[step * 3 + i] * w[i * 15 + gate]).sum::<f32>();
         let hidden = |gate: usize| c[gate] + (0..5).map(|i| state[i] * u[i * 15 + gate]).sum::<f32>();
-        let next: Vec<f32> = (0..5).map(|unit| {
-            let reset = sigmoid(input(unit) + hidden(unit));
-            let update = sigmoid(input(5 + unit) + hidden(5 + unit));
-            let new = (input(10 + unit) + reset * hidden(10 + unit)).tanh();
-            (1.0 - update) * new + update * state[unit]
-        }).collect();
+        let next: Vec<f32> = (0..5)
+            .map(|unit| {
+                let reset = sigmoid(input(unit) + hidden(unit));
+                let update = sigmoid(input(5 + unit) + hidden(5 + unit));
+                let new = (input(10 + unit) + reset * hidden(10 + unit)).tanh();
+                (1.0 - update) * new + update * state[unit]
+            })
+            .collect();
         state.copy_from_slice(&next);
         assert_close(&found[step * 5..step * 5 + 5], &state, 1e-5);
     }
@@ -137,7 +139,9 @@ fn going_on_from_a_hidden_state_is_the_same_as_one_long_run() {
     let mut parts = Vec::new();
     for (start, end) in [(0, 4), (4, 5), (5, 9)] {
         let size = SIDE * SIDE * 3;
-        parts.extend(encoder.push(RawFrames::Pixels(&bytes[start * size..end * size]), &actions[2 * start..2 * end]).unwrap());
+        parts.extend(
+            encoder.push(RawFrames::Pixels(&bytes[start * size..end * size]), &actions[2 * start..2 * end]).unwrap(),
+        );
     }
     assert_close(&whole, &parts, 1e-5);
     assert_eq!(whole.len(), 9 * 6);
@@ -203,7 +207,9 @@ fn tensors_that_do_not_fit_are_named() {
     let name = "world.encoder.mean.bias";
     let mut other = tensors.clone();
     other.get_mut(name).unwrap().shape = vec![7];
-    assert!(matches!(model.clone().with_parameters(&other), Err(ModelError::TensorShape { name: found, .. }) if found == name));
+    assert!(
+        matches!(model.clone().with_parameters(&other), Err(ModelError::TensorShape { name: found, .. }) if found == name)
+    );
     tensors.remove(name);
     assert!(matches!(model.with_parameters(&tensors), Err(ModelError::MissingTensor { name: found }) if found == name));
 }
@@ -212,7 +218,10 @@ fn tensors_that_do_not_fit_are_named() {
 fn what_the_model_cannot_take_is_refused() {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let small = config(ObservationKind::Pixels { height: 9, width: 64 });
-    assert!(matches!(Model::init(small, &mut rng, &Device::flex()), Err(ModelError::PictureTooSmall { height: 9, .. })));
+    assert!(matches!(
+        Model::init(small, &mut rng, &Device::flex()),
+        Err(ModelError::PictureTooSmall { height: 9, .. })
+    ));
     let model = model(pixels());
     let device = Device::flex();
     let error = EpisodeEncoder::new(&model, &device).push(RawFrames::Vectors(&[0.0; 3]), &[0.0; 2]).unwrap_err();

@@ -30,13 +30,23 @@ pub(crate) fn run(context: &Context, args: &BenchArgs) -> Result<()> {
         println!("{}", serde_json::to_string(&report)?);
         return Ok(());
     }
-    println!("{} update, batch {} × {}, {size}×{size}, depth {}", options.objective, options.batch, options.length, options.depth, size = args.size);
+    println!(
+        "{} update, batch {} × {}, {size}×{size}, depth {}",
+        options.objective,
+        options.batch,
+        options.length,
+        options.depth,
+        size = args.size
+    );
     println!("  whole update                  {:8.1} ms", report.update_ms);
     println!("  encoder CNN, forward          {:8.1} ms", report.cnn_forward_ms);
     println!("  encoder CNN, both passes      {:8.1} ms", report.cnn_both_ms);
     println!("  encoder GRU, both passes      {:8.1} ms", report.gru_both_ms);
     println!("  bytes to tensors (beside)     {:8.1} ms", report.batch_ms);
-    println!("  convolutions of an update     {:8.1} GFLOP: {:.0} GFLOP/s over the whole update", report.convolution_gflop, report.convolution_gflops);
+    println!(
+        "  convolutions of an update     {:8.1} GFLOP: {:.0} GFLOP/s over the whole update",
+        report.convolution_gflop, report.convolution_gflops
+    );
     println!("  matrix product 1024³          {:8.0} GFLOP/s", report.matrix_product_gflops);
     Ok(())
 }

@@ -57,6 +57,8 @@ fn cuda() -> Result<Device> {
 
 #[cfg(not(all(feature = "wgpu", feature = "cuda")))]
 fn missing(name: &str) -> Result<Device> {
-    let message = format!("this program was built without {name}; build it with `cargo build --features vibes-train/{name}`, or use --device flex");
+    let message = format!(
+        "this program was built without {name}; build it with `cargo build --features vibes-train/{name}`, or use --device flex"
+    );
     Err(TrainError::Options(message).into())
 }

@@ -33,13 +33,22 @@ pub(crate) fn run(context: &Context, args: &EncodeArgs) -> Result<()> {
     let device = context.device.open()?;
     let model = Model::load(&checkpoint, &device)?;
     let rows: u64 = recording.episodes().iter().map(|episode| u64::from(episode.steps) + 1).sum();
-    let bar = if context.quiet || !std::io::stderr().is_terminal() { ProgressBar::hidden() } else { ProgressBar::new(rows) };
+    let bar =
+        if context.quiet || !std::io::stderr().is_terminal() { ProgressBar::hidden() } else { ProgressBar::new(rows) };
     encode_recording(&model, &checkpoint, &recording, &output, &device, &mut |done| bar.set_position(done))?;
     bar.finish_and_clear();
     if context.json {
-        println!("{}", serde_json::json!({ "latents": output, "rows": rows, "dims": model.config.latent, "checkpoint": checkpoint }));
+        println!(
+            "{}",
+            serde_json::json!({ "latents": output, "rows": rows, "dims": model.config.latent, "checkpoint": checkpoint })
+        );
     } else if !context.quiet {
-        println!("{rows} latents of {} dimensions by {}: {}", model.config.latent, checkpoint.display(), output.display());
+        println!(
+            "{rows} latents of {} dimensions by {}: {}",
+            model.config.latent,
+            checkpoint.display(),
+            output.display()
+        );
     }
     Ok(())
 }

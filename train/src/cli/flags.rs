@@ -110,7 +110,8 @@ impl OptionArgs {
         if let Some(path) = &self.config {
             layers.push((name.as_str(), Options::read_table(path)?));
         }
-        layers.push(("the arguments", Table::try_from(&self.flags).context("the arguments cannot be written as TOML")?));
+        layers
+            .push(("the arguments", Table::try_from(&self.flags).context("the arguments cannot be written as TOML")?));
         Ok(Options::resolve(&self.preset, &layers)?)
     }
 }

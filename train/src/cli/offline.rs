@@ -48,13 +48,23 @@ fn report(context: &Context, run: &Run, options: &Options, end: End) -> Result<(
     let made = run.checkpoints().last().copied().unwrap_or(0);
     let path = run.path().display();
     if context.json {
-        println!("{}", serde_json::json!({ "run": run.path(), "updates": made, "checkpoint": run.newest_model()?, "end": format!("{end:?}").to_lowercase() }));
+        println!(
+            "{}",
+            serde_json::json!({ "run": run.path(), "updates": made, "checkpoint": run.newest_model()?, "end": format!("{end:?}").to_lowercase() })
+        );
     } else if !context.quiet {
         match end {
-            End::Nothing => println!("{path} has its {made} updates already; ask for more with --updates N or --minutes M"),
+            End::Nothing => {
+                println!("{path} has its {made} updates already; ask for more with --updates N or --minutes M")
+            }
             End::Updates => println!("{made} updates made; next: vibes-train encode {path} RECORDING"),
-            End::Minutes => println!("{made} updates made in {} minutes; next: vibes-train encode {path} RECORDING", options.minutes),
-            End::Stopped => println!("stopped and saved after {made} updates; the same command goes on from there: {path}"),
+            End::Minutes => println!(
+                "{made} updates made in {} minutes; next: vibes-train encode {path} RECORDING",
+                options.minutes
+            ),
+            End::Stopped => {
+                println!("stopped and saved after {made} updates; the same command goes on from there: {path}")
+            }
         }
     }
     Ok(())

@@ -27,7 +27,14 @@ impl Progress {
     pub(crate) fn new(context: &Context, options: &Options) -> Self {
         let terminal = std::io::stderr().is_terminal() && !context.quiet;
         let bar = terminal.then(|| bar(options));
-        Self { quiet: context.quiet, verbose: context.verbose, minutes: options.minutes, updates: options.updates, bar, told: None }
+        Self {
+            quiet: context.quiet,
+            verbose: context.verbose,
+            minutes: options.minutes,
+            updates: options.updates,
+            bar,
+            told: None,
+        }
     }
 
     /// What is about to be trained, on what.
@@ -101,7 +108,8 @@ fn summary(row: &Row) -> String {
 }
 
 fn bar(options: &Options) -> ProgressBar {
-    let (length, unit) = if options.minutes > 0.0 { ((options.minutes * 60.0) as u64, "s") } else { (options.updates, "updates") };
+    let (length, unit) =
+        if options.minutes > 0.0 { ((options.minutes * 60.0) as u64, "s") } else { (options.updates, "updates") };
     let template = format!("{{elapsed}} {{wide_bar}} {{pos}}/{{len}} {unit}, {{per_sec}}, {{eta}} left\n{{msg}}");
     let style = ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar());
     ProgressBar::new(length).with_style(style)

@@ -67,7 +67,8 @@ fn the_adversary_moves_the_encoder_through_the_latents() {
     let encoder_after = |rate: f64| {
         let (learner, batch, options) = learner(Objective::Vibes, "dynamics_weight = 1.0");
         let options = Options { adversary_lr: rate, ..options };
-        let (learner, _) = learner.update(&batch, options.weights(0), &options, &mut ChaCha8Rng::seed_from_u64(6)).unwrap();
+        let (learner, _) =
+            learner.update(&batch, options.weights(0), &options, &mut ChaCha8Rng::seed_from_u64(6)).unwrap();
         let adversary = learner.model.adversary.as_ref().unwrap();
         (read_parameters(&learner.model.world.encoder, ""), read_parameters(adversary, ""))
     };

@@ -8,7 +8,10 @@ use std::path::Path;
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use vibes_data::{ActionSpec, Cell, Episode, EpisodeBuilder, EpisodeInfo, FORMAT, Frame, Grid, ImageSize, Manifest, ObservationPart, Recording, RecordingWriter, Spec};
+use vibes_data::{
+    ActionSpec, Cell, Episode, EpisodeBuilder, EpisodeInfo, FORMAT, Frame, Grid, ImageSize, Manifest, ObservationPart,
+    Recording, RecordingWriter, Spec,
+};
 
 pub const SIDE: u32 = 16;
 
@@ -33,7 +36,13 @@ fn coin(rng: &mut impl Rng) -> f32 {
 fn frame(side: u32, state: f32, rng: &mut impl Rng) -> Frame {
     let bright = if state > 0.0 { 140 } else { 20 };
     let pixels = (0..side * side * 3).map(|_| bright + rng.random_range(0..90)).collect();
-    Frame { observation: vec![state, rng.random()], qpos: vec![state.into()], qvel: vec![0.0], pixels, ..Frame::default() }
+    Frame {
+        observation: vec![state, rng.random()],
+        qpos: vec![state.into()],
+        qvel: vec![0.0],
+        pixels,
+        ..Frame::default()
+    }
 }
 
 pub fn episode(side: u32, index: u32, cell: Option<Cell>, steps: usize, rng: &mut impl Rng) -> Episode {
@@ -64,7 +73,12 @@ pub fn recording(path: &Path, side: u32, episodes: u32, steps: usize, grid: bool
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     for index in 0..episodes {
         let cell = grid.then_some(Cell { state: index / 2, distractor: index % 2 });
-        writer.write(&episode(side, index, cell, steps, &mut rng), EpisodeInfo { policy: "coins".to_owned(), ..EpisodeInfo::default() }).unwrap();
+        writer
+            .write(
+                &episode(side, index, cell, steps, &mut rng),
+                EpisodeInfo { policy: "coins".to_owned(), ..EpisodeInfo::default() },
+            )
+            .unwrap();
     }
     writer.finish().unwrap()
 }
