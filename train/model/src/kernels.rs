@@ -14,6 +14,7 @@ pub mod adam;
 mod convolution;
 mod flex;
 mod instructions;
+mod lanes;
 mod memory;
 pub mod plain;
 mod product;

@@ -1,50 +1,79 @@
-//! Buffers of float32 on cache-line boundaries, kept for the next use.
+//! Buffers of float32 on page boundaries, kept for the next use.
 //!
 //! In: a length. Out: a slice of that length. An update needs the same few hundred megabytes again and again; asking the
-//! system for them each time costs more than some of the arithmetic.
+//! system for them each time, and finding them through small pages, costs more than some of the arithmetic.
 
 use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// One cache line.
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C, align(64))]
-struct Line([f32; 16]);
+use memmap2::MmapMut;
+
+/// Bytes of a huge page; buffers of at least a quarter of it are made of whole ones.
+const HUGE: usize = 1 << 21;
+/// Bytes of an ordinary page.
+const PAGE: usize = 1 << 12;
+/// At most so many bytes are kept.
+const KEPT: usize = 1 << 30;
 
 /// Buffers given back, smallest first.
-static SHELF: Mutex<Vec<Vec<Line>>> = Mutex::new(Vec::new());
+static SHELF: Mutex<Shelf> = Mutex::new(Shelf {
+    kept: Vec::new(),
+    bytes: 0,
+});
 
-/// At most this many buffers are kept.
-const KEPT: usize = 96;
+struct Shelf {
+    kept: Vec<MmapMut>,
+    bytes: usize,
+}
 
-fn shelf() -> MutexGuard<'static, Vec<Vec<Line>>> {
+fn shelf() -> MutexGuard<'static, Shelf> {
     SHELF.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A slice of float32 that starts on a cache line.
-#[derive(Clone)]
+impl Shelf {
+    /// The smallest that holds `bytes`; a much larger one stays for who needs it.
+    fn take(&mut self, bytes: usize) -> Option<MmapMut> {
+        let place = self.kept.partition_point(|kept| kept.len() < bytes);
+        self.kept
+            .get(place)
+            .filter(|kept| kept.len() <= 2 * bytes)?;
+        let taken = self.kept.remove(place);
+        self.bytes -= taken.len();
+        Some(taken)
+    }
+
+    fn put(&mut self, memory: MmapMut) {
+        if self.bytes + memory.len() <= KEPT {
+            self.bytes += memory.len();
+            let place = self.kept.partition_point(|kept| kept.len() < memory.len());
+            self.kept.insert(place, memory);
+        }
+    }
+}
+
+/// A slice of float32 that starts on a page.
 pub(super) struct Buffer {
-    lines: Vec<Line>,
+    /// `None` only when empty.
+    memory: Option<MmapMut>,
     len: usize,
 }
 
 impl Buffer {
     /// A buffer whose contents are whatever it held before: write before reading.
+    ///
+    /// # Panics
+    /// If the system has no memory left.
     pub(super) fn stale(len: usize) -> Self {
-        let lines = len.div_ceil(16);
-        let mut shelf = shelf();
-        let place = shelf.partition_point(|kept| kept.len() < lines);
-        // A much larger one stays for who needs it.
-        let fits = shelf
-            .get(place)
-            .is_some_and(|kept| kept.len() <= 2 * lines + 64);
-        let lines = if fits {
-            shelf.remove(place)
-        } else {
-            drop(shelf);
-            vec![Line([0.0; 16]); lines]
-        };
-        Self { lines, len }
+        if len == 0 {
+            return Self { memory: None, len };
+        }
+        let bytes = len * size_of::<f32>();
+        let bytes = bytes.next_multiple_of(if bytes >= HUGE / 4 { HUGE } else { PAGE });
+        let kept = shelf().take(bytes);
+        Self {
+            memory: Some(kept.unwrap_or_else(|| ask(bytes))),
+            len,
+        }
     }
 
     /// A buffer of zeros.
@@ -55,28 +84,47 @@ impl Buffer {
     }
 }
 
+/// Fresh memory from the system.
+fn ask(bytes: usize) -> MmapMut {
+    let memory = MmapMut::map_anon(bytes).expect("memory for the kernels' buffers");
+    #[cfg(target_os = "linux")]
+    if bytes >= HUGE {
+        // Only a wish: without huge pages everything works, more slowly.
+        let _ = memory.advise(memmap2::Advice::HugePage);
+    }
+    memory
+}
+
 impl Drop for Buffer {
     fn drop(&mut self) {
-        let lines = std::mem::take(&mut self.lines);
-        let mut shelf = shelf();
-        if shelf.len() >= KEPT {
-            shelf.remove(0);
+        if let Some(memory) = self.memory.take() {
+            shelf().put(memory);
         }
-        let place = shelf.partition_point(|kept| kept.len() < lines.len());
-        shelf.insert(place, lines);
+    }
+}
+
+impl Clone for Buffer {
+    fn clone(&self) -> Self {
+        let mut copy = Self::stale(self.len);
+        copy.copy_from_slice(self);
+        copy
     }
 }
 
 impl Deref for Buffer {
     type Target = [f32];
     fn deref(&self) -> &[f32] {
-        &bytemuck::cast_slice(&self.lines)[..self.len]
+        self.memory
+            .as_ref()
+            .map_or(&[], |memory| &bytemuck::cast_slice(&memory[..])[..self.len])
     }
 }
 
 impl DerefMut for Buffer {
     fn deref_mut(&mut self) -> &mut [f32] {
-        &mut bytemuck::cast_slice_mut(&mut self.lines)[..self.len]
+        self.memory.as_mut().map_or(&mut [], |memory| {
+            &mut bytemuck::cast_slice_mut(&mut memory[..])[..self.len]
+        })
     }
 }
 

@@ -6,6 +6,7 @@
 use crate::kernels::{memory::Buffer, product::PANEL};
 
 /// Channels as they lie in memory: a whole number of vectors.
+#[inline(always)]
 pub(super) fn padded(channels: usize) -> usize {
     channels.next_multiple_of(16)
 }
@@ -58,21 +59,25 @@ pub(super) fn layers(image: [usize; 2], channels: &[[usize; 2]]) -> Option<Vec<L
 
 impl Layer {
     /// Numbers of one input position.
+    #[inline(always)]
     pub(super) fn input_stride(&self) -> usize {
         padded(self.in_channels)
     }
 
     /// Numbers of one output position.
+    #[inline(always)]
     pub(super) fn output_stride(&self) -> usize {
         padded(self.out_channels)
     }
 
     /// Output channels in whole panels.
+    #[inline(always)]
     pub(super) fn panelled_channels(&self) -> usize {
         self.out_channels.next_multiple_of(PANEL)
     }
 
     /// Numbers of one 2×2 cell of the input: `[2, 2, stride]`.
+    #[inline(always)]
     pub(super) fn cell_width(&self) -> usize {
         4 * self.input_stride()
     }
@@ -83,20 +88,24 @@ impl Layer {
     }
 
     /// Numbers of one frame's input.
+    #[inline(always)]
     pub(super) fn input_len(&self) -> usize {
         self.input[0] * self.input[1] * self.input_stride()
     }
 
     /// Numbers of one frame's output.
+    #[inline(always)]
     pub(super) fn output_len(&self) -> usize {
         self.output[0] * self.output[1] * self.output_stride()
     }
 
     /// 2×2 output tiles of one frame.
+    #[inline(always)]
     pub(super) fn tiles(&self) -> usize {
         self.output[0].div_ceil(2) * self.output[1].div_ceil(2)
     }
 
+    #[inline(always)]
     fn tile(&self, tile: usize) -> [usize; 2] {
         let across = self.output[1].div_ceil(2);
         [tile / across * 2, tile % across * 2]
@@ -107,13 +116,17 @@ impl Layer {
     pub(super) fn cells(&self, tile: usize) -> [[Option<usize>; 3]; 3] {
         let [top, left] = self.tile(tile);
         let [high, wide] = self.output;
-        std::array::from_fn(|i| {
-            std::array::from_fn(|j| {
-                let inside = top + i <= high && left + j <= wide;
-                inside
-                    .then(|| (2 * (top + i) * self.input[1] + 2 * (left + j)) * self.input_stride())
-            })
-        })
+        let mut cells = [[None; 3]; 3];
+        for (i, cells) in cells.iter_mut().enumerate() {
+            for (j, cell) in cells.iter_mut().enumerate() {
+                if top + i <= high && left + j <= wide {
+                    *cell = Some(
+                        (2 * (top + i) * self.input[1] + 2 * (left + j)) * self.input_stride(),
+                    );
+                }
+            }
+        }
+        cells
     }
 
     /// Where number `part` of a cell lies after its start.
@@ -132,12 +145,15 @@ impl Layer {
     pub(super) fn spots(&self, tile: usize) -> [[Option<usize>; 2]; 2] {
         let [top, left] = self.tile(tile);
         let [high, wide] = self.output;
-        std::array::from_fn(|i| {
-            std::array::from_fn(|j| {
-                let inside = top + i < high && left + j < wide;
-                inside.then(|| ((top + i) * wide + left + j) * self.output_stride())
-            })
-        })
+        let mut spots = [[None; 2]; 2];
+        for (i, spots) in spots.iter_mut().enumerate() {
+            for (j, spot) in spots.iter_mut().enumerate() {
+                if top + i < high && left + j < wide {
+                    *spot = Some(((top + i) * wide + left + j) * self.output_stride());
+                }
+            }
+        }
+        spots
     }
 }
 

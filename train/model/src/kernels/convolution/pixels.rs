@@ -6,6 +6,7 @@
 use super::geometry::{Layer, Planes};
 use crate::kernels::{
     instructions::Instructions,
+    lanes::{LANES, Lanes, with_lanes},
     memory::Buffer,
     product::{Left, PANEL},
 };
@@ -16,6 +17,8 @@ pub(super) const COLORS: usize = 3;
 const REACH: usize = 4 * COLORS;
 /// Numbers of the kernel: the inner size of the product.
 pub(super) const KERNEL: usize = 4 * REACH;
+/// Rows of the output's gradient worked on at once: what fits into the first-level cache.
+const ROWS: usize = 6;
 /// Numbers from one output's patch to the next.
 const STRIDE: usize = 2 * COLORS;
 
@@ -42,133 +45,117 @@ pub(super) fn forward(
     output: &mut [f32],
     instructions: Instructions,
 ) {
-    let [high, wide] = layer.output;
-    let mut summed = Buffer::stale(high * wide * PANEL);
-    let frame = layer.input[0] * layer.input[1] * COLORS;
-    for (bytes, output) in bytes
-        .chunks_exact(frame)
-        .zip(output.chunks_exact_mut(layer.output_len()))
-    {
+    let (wide, line) = (layer.output[1], layer.input[1] * COLORS);
+    let mut summed = Buffer::stale(wide * PANEL);
+    let frames = bytes
+        .chunks_exact(layer.input[0] * line)
+        .zip(output.chunks_exact_mut(layer.output_len()));
+    for (bytes, output) in frames {
         let image = scaled(layer, bytes, instructions);
-        for (panel, weights) in planes.weights.chunks_exact(KERNEL * PANEL).enumerate() {
-            for (row, summed) in summed.chunks_exact_mut(wide * PANEL).enumerate() {
-                let data = &image[2 * row * layer.input[1] * COLORS..];
-                let left = Left::<STRIDE, 1> {
-                    data,
-                    outer: 4,
-                    outer_step: layer.input[1] * COLORS,
-                    inner: REACH,
-                };
-                left.times(weights, wide, summed, false, instructions);
+        for (row, output) in output
+            .chunks_exact_mut(wide * layer.output_stride())
+            .enumerate()
+        {
+            let data = &image[2 * row * line..];
+            let left = Left::<STRIDE, 1> {
+                data,
+                outer: 4,
+                outer_step: line,
+                inner: REACH,
+            };
+            for (panel, weights) in planes.weights.chunks_exact(KERNEL * PANEL).enumerate() {
+                left.times(weights, wide, &mut summed, false, instructions);
+                with_lanes!(
+                    instructions,
+                    finish(layer, panel, &summed, &planes.bias, output)
+                );
             }
-            finish(layer, panel, &summed, &planes.bias, output, instructions);
         }
     }
 }
 
 /// Bias and ReLU of one panel of channels.
-fn finish(
-    layer: &Layer,
-    panel: usize,
-    summed: &[f32],
-    bias: &[f32],
-    output: &mut [f32],
-    instructions: Instructions,
-) {
+#[inline(always)]
+fn finish<V: Lanes>(layer: &Layer, panel: usize, summed: &[f32], bias: &[f32], output: &mut [f32]) {
     let (start, stride) = (panel * PANEL, layer.output_stride());
-    let count = PANEL.min(stride - start);
-    let bias = &bias[start..start + count];
-    instructions.run(
-        #[inline(always)]
-        || {
-            for (summed, output) in summed
-                .chunks_exact(PANEL)
-                .zip(output.chunks_exact_mut(stride))
-            {
-                for ((output, summed), bias) in output[start..start + count]
-                    .iter_mut()
-                    .zip(summed)
-                    .zip(bias)
-                {
-                    *output = (summed + bias).max(0.0);
-                }
-            }
-        },
-    );
+    for part in (start..stride.min(start + PANEL)).step_by(LANES) {
+        let bias = V::at(bias, part);
+        for (summed, output) in summed
+            .chunks_exact(PANEL)
+            .zip(output.chunks_exact_mut(stride))
+        {
+            V::at(summed, part - start)
+                .plus(bias)
+                .positive()
+                .put(output, part);
+        }
+    }
 }
 
 /// Adds the gradients of weights and bias for some frames, from the gradient of the output (after ReLU).
 pub(super) fn backward(
     layer: &Layer,
     bytes: &[u8],
-    output: &[f32],
-    output_gradient: &[f32],
+    [output, output_gradient]: [&[f32]; 2],
     sums: &mut Planes,
     instructions: Instructions,
 ) {
-    let [high, wide] = layer.output;
-    let mut open = Buffer::stale(high * wide * PANEL);
-    let frame = layer.input[0] * layer.input[1] * COLORS;
+    let (wide, line) = (layer.output[1], layer.input[1] * COLORS);
+    let mut open = Buffer::stale(ROWS * wide * PANEL);
     let activations = output
         .chunks_exact(layer.output_len())
         .zip(output_gradient.chunks_exact(layer.output_len()));
-    for (bytes, (output, gradient)) in bytes.chunks_exact(frame).zip(activations) {
+    for (bytes, (output, gradient)) in bytes.chunks_exact(layer.input[0] * line).zip(activations) {
         let image = scaled(layer, bytes, instructions);
-        for (panel, weights) in sums.weights.chunks_exact_mut(KERNEL * PANEL).enumerate() {
-            mask(
-                layer,
-                panel,
-                output,
-                gradient,
-                &mut open,
-                &mut sums.bias,
-                instructions,
-            );
-            for (row, weights) in weights.chunks_exact_mut(REACH * PANEL).enumerate() {
-                let data = &image[row * layer.input[1] * COLORS..];
-                let left = Left::<1, STRIDE> {
-                    data,
-                    outer: high,
-                    outer_step: 2 * layer.input[1] * COLORS,
-                    inner: wide,
-                };
-                left.times(&open, REACH, weights, true, instructions);
+        let rows = ROWS * wide * layer.output_stride();
+        for (index, (output, gradient)) in
+            output.chunks(rows).zip(gradient.chunks(rows)).enumerate()
+        {
+            let high = output.len() / (wide * layer.output_stride());
+            for (panel, weights) in sums.weights.chunks_exact_mut(KERNEL * PANEL).enumerate() {
+                with_lanes!(
+                    instructions,
+                    mask(layer, panel, [output, gradient], &mut open, &mut sums.bias)
+                );
+                for (row, weights) in weights.chunks_exact_mut(REACH * PANEL).enumerate() {
+                    let data = &image[(2 * ROWS * index + row) * line..];
+                    let left = Left::<1, STRIDE> {
+                        data,
+                        outer: high,
+                        outer_step: 2 * line,
+                        inner: wide,
+                    };
+                    left.times(&open, REACH, weights, true, instructions);
+                }
             }
         }
     }
 }
 
 /// One panel of the gradient where ReLU was open, and the bias's share.
-fn mask(
+#[inline(always)]
+fn mask<V: Lanes>(
     layer: &Layer,
     panel: usize,
-    output: &[f32],
-    gradient: &[f32],
+    [output, gradient]: [&[f32]; 2],
     open: &mut [f32],
     bias: &mut [f32],
-    instructions: Instructions,
 ) {
     let (start, stride) = (panel * PANEL, layer.output_stride());
-    let count = PANEL.min(stride - start);
-    let bias = &mut bias[start..start + count];
-    instructions.run(
-        #[inline(always)]
-        || {
-            let positions = output
-                .chunks_exact(stride)
-                .zip(gradient.chunks_exact(stride));
-            for (open, (output, gradient)) in open.chunks_exact_mut(PANEL).zip(positions) {
-                open[count..].fill(0.0);
-                let channels = output[start..start + count]
-                    .iter()
-                    .zip(&gradient[start..start + count]);
-                for ((open, bias), (output, gradient)) in
-                    open.iter_mut().zip(bias.iter_mut()).zip(channels)
-                {
-                    *open = if *output > 0.0 { *gradient } else { 0.0 };
-                    *bias += *open;
-                }
-            }
-        },
-    );
+    for part in (start..start + PANEL).step_by(LANES) {
+        let mut sum = V::at(bias, part);
+        let positions = output
+            .chunks_exact(stride)
+            .zip(gradient.chunks_exact(stride));
+        for (open, (output, gradient)) in open.chunks_exact_mut(PANEL).zip(positions) {
+            let value = if part < stride {
+                V::at(gradient, part).where_open(V::at(output, part))
+            } else {
+                V::zero()
+            };
+            sum = sum.plus(value);
+            value.put(open, part - start);
+        }
+        sum.put(bias, part);
+    }
 }

@@ -12,7 +12,7 @@ use super::{pixels, weights, winograd};
 use crate::kernels::{instructions::Instructions, memory::Buffer};
 
 /// Frames of one piece of forward work.
-const CHUNK: usize = 32;
+const CHUNK: usize = 64;
 /// Shares of the backward pass, each with its own sums of weight gradients.
 const SHARES: usize = 8;
 
@@ -37,17 +37,25 @@ pub(super) struct Stack {
     pub(super) instructions: Instructions,
 }
 
+/// What one share of the backward pass reads; it starts with frame `start`.
+struct Share<'a> {
+    start: usize,
+    bytes: &'a [u8],
+    kept: &'a [Buffer],
+    planes: &'a [Planes],
+}
+
 impl Stack {
     fn frame_bytes(&self) -> usize {
         self.layers[0].input[0] * self.layers[0].input[1] * pixels::COLORS
     }
 
     /// Frames at which a layer is most efficient: enough rows for full tiles, few enough to stay in cache.
-    fn block(&self, layer: usize) -> usize {
+    pub(super) fn block(&self, layer: usize) -> usize {
         let layer = &self.layers[layer];
         let [k, n] = layer.product();
         let frame = winograd::PRODUCTS * layer.tiles() * (k + n);
-        (256 * 1024 / frame).clamp(1, 64)
+        (256 * 1024 / frame).max(64 / layer.tiles()).clamp(1, 64)
     }
 
     /// Activations of every layer, `[frames, height, width, stride]` each.
@@ -136,25 +144,35 @@ impl Stack {
             .map(|start| {
                 let end = frames.min(start + share);
                 let mut sums = self.sums();
-                let gradient = &gradient[start * width..end * width];
+                let share = Share {
+                    start,
+                    bytes,
+                    kept,
+                    planes: &planes,
+                };
                 self.backward_from(
                     last,
                     [start, end],
-                    bytes,
-                    kept,
-                    gradient,
-                    &planes,
+                    &share,
+                    &gradient[start * width..end * width],
                     &mut sums,
                 );
                 sums
             })
             .collect();
-        let sums = self.add(shares);
-        self.layers
-            .iter()
-            .zip(&sums)
-            .enumerate()
-            .map(|(index, (layer, sums))| gradients(index, layer, sums))
+        let layers = self.layers.iter().enumerate();
+        layers
+            .map(|(index, layer)| {
+                let shares: Vec<&Planes> = shares.iter().map(|share| &share[index]).collect();
+                let weight = match index {
+                    0 => weights::pixel_gradient(layer, &shares),
+                    _ => weights::gradient(layer, &shares),
+                };
+                Gradients {
+                    weight,
+                    bias: weights::bias_gradient(layer, &shares),
+                }
+            })
             .collect()
     }
 
@@ -163,45 +181,44 @@ impl Stack {
         &self,
         top: usize,
         [from, to]: [usize; 2],
-        bytes: &[u8],
-        kept: &[Buffer],
+        share: &Share<'_>,
         gradient: &[f32],
-        planes: &[Planes],
         sums: &mut [Planes],
     ) {
-        let layer = &self.layers[top];
+        let (layer, kept) = (&self.layers[top], share.kept);
         let width = layer.output_len();
         if top == 0 {
-            let bytes = &bytes[from * self.frame_bytes()..to * self.frame_bytes()];
+            let bytes = &share.bytes[from * self.frame_bytes()..to * self.frame_bytes()];
             let output = &kept[0][from * width..to * width];
             return pixels::backward(
                 layer,
                 bytes,
-                output,
-                gradient,
+                [output, gradient],
                 &mut sums[0],
                 self.instructions,
             );
         }
-        let mut below = Buffer::stale(self.block(top) * layer.input_len());
-        for start in (from..to).step_by(self.block(top)) {
-            let end = to.min(start + self.block(top));
+        let block = self.block(top).min(to - from);
+        let mut below = Buffer::stale(block * layer.input_len());
+        for start in (from..to).step_by(block) {
+            let end = to.min(start + block);
             let input = &kept[top - 1][start * layer.input_len()..end * layer.input_len()];
             let output = &kept[top][start * width..end * width];
             let gradient = &gradient[(start - from) * width..(end - from) * width];
             let below = &mut below[..input.len()];
-            let activations = [input, output];
+            let sum = (&mut sums[top], start == share.start);
+            let planes = &share.planes[top];
             winograd::backward(
                 layer,
                 end - start,
-                activations,
+                [input, output],
                 gradient,
-                &planes[top],
-                &mut sums[top],
+                planes,
+                sum,
                 below,
                 self.instructions,
             );
-            self.backward_from(top - 1, [start, end], bytes, kept, below, planes, sums);
+            self.backward_from(top - 1, [start, end], share, below, sums);
         }
     }
 
@@ -226,40 +243,5 @@ impl Stack {
                 }
             })
             .collect()
-    }
-
-    /// Sums of all shares, in their order.
-    fn add(&self, shares: Vec<Vec<Planes>>) -> Vec<Planes> {
-        let mut shares = shares.into_iter();
-        let mut total = shares.next().unwrap_or_else(|| self.sums());
-        for share in shares {
-            for (total, share) in total.iter_mut().zip(&share) {
-                add_to(&mut total.bias, &share.bias);
-                total
-                    .weights
-                    .par_chunks_mut(1 << 14)
-                    .zip(share.weights.par_chunks(1 << 14))
-                    .for_each(|(total, share)| add_to(total, share));
-            }
-        }
-        total
-    }
-}
-
-fn add_to(total: &mut [f32], share: &[f32]) {
-    for (total, share) in total.iter_mut().zip(share) {
-        *total += share;
-    }
-}
-
-fn gradients(index: usize, layer: &Layer, sums: &Planes) -> Gradients {
-    let weight = if index == 0 {
-        weights::pixel_gradient(layer, sums)
-    } else {
-        weights::gradient(layer, sums)
-    };
-    Gradients {
-        weight,
-        bias: sums.bias[..layer.out_channels].to_vec(),
     }
 }

@@ -135,7 +135,7 @@ fn any_number_of_threads_gives_the_same_bits() {
                     let values: Vec<f32> = (0..n * c * 16)
                         .map(|i| ((i * 37 % 101) as f32 - 50.0) / 500.0)
                         .collect();
-                    let data = burn::tensor::TensorData::new(values, [*n, *c, 4, 4]);
+                    let data = TensorData::new(values, [*n, *c, 4, 4]);
                     ConvLayer {
                         weight: Tensor::from_data(data, &device).require_grad(),
                         bias: Tensor::zeros([*n], &device).require_grad(),

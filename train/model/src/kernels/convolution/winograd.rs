@@ -15,6 +15,7 @@
 use super::geometry::{Layer, Planes};
 use crate::kernels::{
     instructions::Instructions,
+    lanes::{LANES, Lanes, with_lanes},
     memory::Buffer,
     product::{Left, PANEL},
 };
@@ -22,118 +23,94 @@ use crate::kernels::{
 /// Numbers of Winograd products per tile.
 pub(super) const PRODUCTS: usize = 9;
 
-/// Lanes handled at once by the transforms.
-const LANES: usize = 16;
-type Vector = [f32; LANES];
-
-#[inline(always)]
-fn load(from: &[f32]) -> Vector {
-    let mut vector = [0.0; LANES];
-    vector.copy_from_slice(&from[..LANES]);
-    vector
-}
-
-#[inline(always)]
-fn map(a: Vector, b: Vector, f: impl Fn(f32, f32) -> f32) -> Vector {
-    let mut out = [0.0; LANES];
-    for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
-        *out = f(a, b);
-    }
-    out
-}
-
-#[inline(always)]
-fn plus(a: Vector, b: Vector) -> Vector {
-    map(a, b, |a, b| a + b)
-}
-
-#[inline(always)]
-fn minus(a: Vector, b: Vector) -> Vector {
-    map(a, b, |a, b| a - b)
-}
-
 /// Cells to factors along one axis.
 #[inline(always)]
-fn spread([a, b, c]: [Vector; 3]) -> [Vector; 3] {
-    [minus(a, b), b, minus(b, c)]
+fn spread<V: Lanes>(a: V, b: V, c: V) -> [V; 3] {
+    [a.minus(b), b, b.minus(c)]
 }
 
 /// Its transpose: gradients of factors to gradients of cells.
 #[inline(always)]
-fn spread_back([a, b, c]: [Vector; 3]) -> [Vector; 3] {
-    [a, minus(plus(b, c), a), minus([0.0; LANES], c)]
+fn spread_back<V: Lanes>([a, b, c]: [V; 3]) -> [V; 3] {
+    [a, b.plus(c).minus(a), V::zero().minus(c)]
 }
 
 /// Products to outputs along one axis.
 #[inline(always)]
-fn gather([a, b, c]: [Vector; 3]) -> [Vector; 2] {
-    [plus(a, b), minus(b, c)]
+fn gather<V: Lanes>([a, b, c]: [V; 3]) -> [V; 2] {
+    [a.plus(b), b.minus(c)]
 }
 
 /// Its transpose: gradients of outputs to gradients of products.
 #[inline(always)]
-fn gather_back([a, b]: [Vector; 2]) -> [Vector; 3] {
-    [a, plus(a, b), minus([0.0; LANES], b)]
+fn gather_back<V: Lanes>(a: V, b: V) -> [V; 3] {
+    [a, a.plus(b), V::zero().minus(b)]
 }
 
-/// Applies a map to the rows, then to the columns.
+/// What lies at a place, or zero beyond an edge.
 #[inline(always)]
-fn both<const I: usize, const O: usize>(
-    cells: [[Vector; I]; I],
-    f: impl Fn([Vector; I]) -> [Vector; O],
-) -> [[Vector; O]; O] {
-    let mut rows = [[[0.0; LANES]; O]; I];
-    for (row, cells) in rows.iter_mut().zip(cells) {
-        *row = f(cells);
+fn value<V: Lanes>(from: &[f32], place: Option<usize>, offset: usize) -> V {
+    match place {
+        Some(place) => V::at(from, place + offset),
+        None => V::zero(),
     }
-    let mut out = [[[0.0; LANES]; O]; O];
-    for column in 0..O {
-        let mut line = [[0.0; LANES]; I];
-        for (line, row) in line.iter_mut().zip(&rows) {
-            *line = row[column];
-        }
-        for (out, value) in out.iter_mut().zip(f(line)) {
-            out[column] = value;
-        }
-    }
-    out
+}
+
+/// Factors along one line of cells.
+#[inline(always)]
+fn cell_line<V: Lanes>(places: &[Option<usize>; 3], input: &[f32], offset: usize) -> [V; 3] {
+    let [a, b, c] = *places;
+    spread(
+        value(input, a, offset),
+        value(input, b, offset),
+        value(input, c, offset),
+    )
+}
+
+/// Line `i` of the nine products or factors of a tile.
+#[inline(always)]
+fn product_line<V: Lanes>(from: &[f32], plane: usize, i: usize, at: usize) -> [V; 3] {
+    [
+        V::at(from, 3 * i * plane + at),
+        V::at(from, (3 * i + 1) * plane + at),
+        V::at(from, (3 * i + 2) * plane + at),
+    ]
+}
+
+/// The gradient where ReLU was open.
+#[inline(always)]
+fn open<V: Lanes>(output: &[f32], gradient: &[f32], place: Option<usize>, offset: usize) -> V {
+    value::<V>(gradient, place, offset).where_open(value(output, place, offset))
 }
 
 /// The factors of all tiles: nine matrices `[tiles, 4·channels]` in panels.
-fn factors(
-    layer: &Layer,
-    frames: usize,
-    input: &[f32],
-    factors: &mut [f32],
-    instructions: Instructions,
-) {
+#[inline(always)]
+fn factors<V: Lanes>(layer: &Layer, frames: usize, input: &[f32], factors: &mut [f32]) {
     let tiles = frames * layer.tiles();
     let plane = layer.cell_width() * tiles;
-    instructions.run(
-        #[inline(always)]
-        || {
-            for (frame, input) in input
-                .chunks_exact(layer.input_len())
-                .take(frames)
-                .enumerate()
-            {
-                for tile in 0..layer.tiles() {
-                    let row = frame * layer.tiles() + tile;
-                    let cells = layer.cells(tile);
-                    for part in (0..layer.cell_width()).step_by(LANES) {
-                        let offset = layer.cell_offset(part);
-                        let cells = cells.map(|line| {
-                            line.map(|at| at.map_or([0.0; LANES], |at| load(&input[at + offset..])))
-                        });
-                        let at = (part / PANEL * tiles + row) * PANEL + part % PANEL;
-                        for (index, value) in both(cells, spread).iter().flatten().enumerate() {
-                            factors[index * plane + at..][..LANES].copy_from_slice(value);
-                        }
+    let places: Vec<_> = (0..layer.tiles()).map(|tile| layer.cells(tile)).collect();
+    for (frame, input) in input
+        .chunks_exact(layer.input_len())
+        .take(frames)
+        .enumerate()
+    {
+        for (tile, [top, middle, bottom]) in places.iter().enumerate() {
+            let row = frame * layer.tiles() + tile;
+            for part in (0..layer.cell_width()).step_by(LANES) {
+                let offset = layer.cell_offset(part);
+                let top = cell_line::<V>(top, input, offset);
+                let middle = cell_line::<V>(middle, input, offset);
+                let bottom = cell_line::<V>(bottom, input, offset);
+                let at = (part / PANEL * tiles + row) * PANEL + part % PANEL;
+                for j in 0..3 {
+                    let column = spread(top[j], middle[j], bottom[j]);
+                    for (i, value) in column.into_iter().enumerate() {
+                        value.put(factors, (3 * i + j) * plane + at);
                     }
                 }
             }
-        },
-    );
+        }
+    }
 }
 
 /// `out[p] = left[p] · weights[p]` for the nine products; `[rows, k]` times `[k, n]`.
@@ -147,10 +124,9 @@ fn products(
 ) {
     for index in 0..PRODUCTS {
         let left = Left::panels(&left[index * rows * k..][..rows * k], rows, k);
-        let weights = weights[index * k * n..][..k * n].chunks_exact(k * PANEL);
-        for (weights, out) in
-            weights.zip(out[index * rows * n..][..rows * n].chunks_exact_mut(rows * PANEL))
-        {
+        let out = out[index * rows * n..][..rows * n].chunks_exact_mut(rows * PANEL);
+        for (panel, out) in out.enumerate() {
+            let weights = &weights[(panel * PRODUCTS + index) * k * PANEL..][..k * PANEL];
             left.times(weights, rows, out, false, instructions);
         }
     }
@@ -167,7 +143,7 @@ pub(super) fn forward(
 ) {
     let (tiles, [k, n]) = (frames * layer.tiles(), layer.product());
     let mut spread = Buffer::stale(PRODUCTS * tiles * k);
-    factors(layer, frames, input, &mut spread, instructions);
+    with_lanes!(instructions, factors(layer, frames, input, &mut spread));
     let mut summed = Buffer::stale(PRODUCTS * tiles * n);
     products(
         tiles,
@@ -177,88 +153,83 @@ pub(super) fn forward(
         &mut summed,
         instructions,
     );
-    outputs(layer, frames, &summed, &planes.bias, output, instructions);
+    with_lanes!(
+        instructions,
+        outputs(layer, frames, &summed, &planes.bias, output)
+    );
 }
 
-fn outputs(
+#[inline(always)]
+fn outputs<V: Lanes>(
     layer: &Layer,
     frames: usize,
     summed: &[f32],
     bias: &[f32],
     output: &mut [f32],
-    instructions: Instructions,
 ) {
     let tiles = frames * layer.tiles();
     let plane = tiles * layer.panelled_channels();
-    instructions.run(
-        #[inline(always)]
-        || {
-            for (frame, output) in output
-                .chunks_exact_mut(layer.output_len())
-                .take(frames)
-                .enumerate()
-            {
-                for tile in 0..layer.tiles() {
-                    let row = frame * layer.tiles() + tile;
-                    let spots = layer.spots(tile);
-                    for part in (0..layer.output_stride()).step_by(LANES) {
-                        let at = (part / PANEL * tiles + row) * PANEL + part % PANEL;
-                        let mut values = [[[0.0; LANES]; 3]; 3];
-                        for (index, value) in values.iter_mut().flatten().enumerate() {
-                            *value = load(&summed[index * plane + at..]);
-                        }
-                        let bias = load(&bias[part..]);
-                        let values = both(values, gather);
-                        for (at, value) in spots.iter().flatten().zip(values.iter().flatten()) {
-                            if let Some(at) = at.map(|at| at + part) {
-                                let value =
-                                    map(*value, bias, |value, bias| (value + bias).max(0.0));
-                                output[at..at + LANES].copy_from_slice(&value);
-                            }
+    let places: Vec<_> = (0..layer.tiles()).map(|tile| layer.spots(tile)).collect();
+    for (frame, output) in output
+        .chunks_exact_mut(layer.output_len())
+        .take(frames)
+        .enumerate()
+    {
+        for (tile, spots) in places.iter().enumerate() {
+            let row = frame * layer.tiles() + tile;
+            for part in (0..layer.output_stride()).step_by(LANES) {
+                let bias = V::at(bias, part);
+                let at = (part / PANEL * tiles + row) * PANEL + part % PANEL;
+                let top = gather(product_line::<V>(summed, plane, 0, at));
+                let middle = gather(product_line::<V>(summed, plane, 1, at));
+                let bottom = gather(product_line::<V>(summed, plane, 2, at));
+                for j in 0..2 {
+                    for (i, value) in gather([top[j], middle[j], bottom[j]])
+                        .into_iter()
+                        .enumerate()
+                    {
+                        if let Some(spot) = spots[i][j] {
+                            value.plus(bias).positive().put(output, spot + part);
                         }
                     }
                 }
             }
-        },
-    );
+        }
+    }
 }
 
-/// Gradients of one layer for `frames` frames, from the gradient of its output (after ReLU). `weights` and `bias` are added to;
-/// `input_gradient` is set.
+/// Gradients of one layer for `frames` frames, from the gradient of its output (after ReLU). `sums` are added to, except that the
+/// weights' are set if these are the `first` frames; `input_gradient` is set.
 pub(super) fn backward(
     layer: &Layer,
     frames: usize,
     [input, output]: [&[f32]; 2],
     output_gradient: &[f32],
     planes: &Planes,
-    sums: &mut Planes,
+    (sums, first): (&mut Planes, bool),
     input_gradient: &mut [f32],
     instructions: Instructions,
 ) {
     let (tiles, [k, n]) = (frames * layer.tiles(), layer.product());
     let mut summed = Buffer::stale(PRODUCTS * tiles * n);
-    output_gradients(
-        layer,
-        frames,
-        output,
-        output_gradient,
-        &mut summed,
-        &mut sums.bias,
+    if layer.output_stride() < layer.panelled_channels() {
+        summed.fill(0.0);
+    }
+    let activations = [output, output_gradient];
+    with_lanes!(
         instructions,
+        output_gradients(layer, frames, activations, &mut summed, &mut sums.bias)
     );
     let mut spread = Buffer::stale(PRODUCTS * tiles * k);
-    factors(layer, frames, input, &mut spread, instructions);
+    with_lanes!(instructions, factors(layer, frames, input, &mut spread));
     for index in 0..PRODUCTS {
         let spread = &spread[index * tiles * k..][..tiles * k];
         let panels = summed[index * tiles * n..][..tiles * n].chunks_exact(tiles * PANEL);
-        for (summed, sums) in
-            panels.zip(sums.weights[index * k * n..][..k * n].chunks_exact_mut(k * PANEL))
-        {
-            for (spread, sums) in spread
-                .chunks_exact(tiles * PANEL)
-                .zip(sums.chunks_exact_mut(PANEL * PANEL))
-            {
-                Left::turned(spread, tiles).times(summed, PANEL, sums, true, instructions);
+        for (panel, summed) in panels.enumerate() {
+            let sums = &mut sums.weights[(panel * PRODUCTS + index) * k * PANEL..][..k * PANEL];
+            let spread = spread.chunks_exact(tiles * PANEL);
+            for (spread, sums) in spread.zip(sums.chunks_exact_mut(PANEL * PANEL)) {
+                Left::turned(spread, tiles).times(summed, PANEL, sums, !first, instructions);
             }
         }
     }
@@ -270,105 +241,87 @@ pub(super) fn backward(
         &mut spread,
         instructions,
     );
-    input_gradients(layer, frames, &spread, input_gradient, instructions);
+    with_lanes!(
+        instructions,
+        input_gradients(layer, frames, &spread, input_gradient)
+    );
 }
 
 /// Gradients of the nine products; where ReLU was shut there is none. Adds the bias's.
-fn output_gradients(
+#[inline(always)]
+fn output_gradients<V: Lanes>(
     layer: &Layer,
     frames: usize,
-    output: &[f32],
-    gradient: &[f32],
+    [output, gradient]: [&[f32]; 2],
     summed: &mut [f32],
     bias: &mut [f32],
-    instructions: Instructions,
 ) {
     let tiles = frames * layer.tiles();
     let plane = tiles * layer.panelled_channels();
-    if layer.output_stride() < layer.panelled_channels() {
-        summed.fill(0.0);
-    }
-    instructions.run(
-        #[inline(always)]
-        || {
-            let frames = output
-                .chunks_exact(layer.output_len())
-                .zip(gradient.chunks_exact(layer.output_len()))
-                .take(frames);
-            for (frame, (output, gradient)) in frames.enumerate() {
-                for tile in 0..layer.tiles() {
-                    let row = frame * layer.tiles() + tile;
-                    let spots = layer.spots(tile);
-                    for part in (0..layer.output_stride()).step_by(LANES) {
-                        let values = spots.map(|line| {
-                            line.map(|at| {
-                                at.map_or([0.0; LANES], |at| {
-                                    map(
-                                        load(&output[at + part..]),
-                                        load(&gradient[at + part..]),
-                                        |output, gradient| {
-                                            if output > 0.0 { gradient } else { 0.0 }
-                                        },
-                                    )
-                                })
-                            })
-                        });
-                        let sum = values
-                            .iter()
-                            .flatten()
-                            .fold(load(&bias[part..]), |sum, value| plus(sum, *value));
-                        bias[part..part + LANES].copy_from_slice(&sum);
-                        let at = (part / PANEL * tiles + row) * PANEL + part % PANEL;
-                        for (index, value) in both(values, gather_back).iter().flatten().enumerate()
-                        {
-                            summed[index * plane + at..][..LANES].copy_from_slice(value);
-                        }
+    let places: Vec<_> = (0..layer.tiles()).map(|tile| layer.spots(tile)).collect();
+    let pairs = output
+        .chunks_exact(layer.output_len())
+        .zip(gradient.chunks_exact(layer.output_len()));
+    for (frame, (output, gradient)) in pairs.take(frames).enumerate() {
+        for (tile, spots) in places.iter().enumerate() {
+            let row = frame * layer.tiles() + tile;
+            for part in (0..layer.output_stride()).step_by(LANES) {
+                let top = [
+                    open::<V>(output, gradient, spots[0][0], part),
+                    open(output, gradient, spots[0][1], part),
+                ];
+                let bottom = [
+                    open::<V>(output, gradient, spots[1][0], part),
+                    open(output, gradient, spots[1][1], part),
+                ];
+                let sum = top[0].plus(top[1]).plus(bottom[0].plus(bottom[1]));
+                V::at(bias, part).plus(sum).put(bias, part);
+                let at = (part / PANEL * tiles + row) * PANEL + part % PANEL;
+                let (top, bottom) = (
+                    gather_back(top[0], top[1]),
+                    gather_back(bottom[0], bottom[1]),
+                );
+                for j in 0..3 {
+                    for (i, value) in gather_back(top[j], bottom[j]).into_iter().enumerate() {
+                        value.put(summed, (3 * i + j) * plane + at);
                     }
                 }
             }
-        },
-    );
+        }
+    }
 }
 
 /// Gradients of the factors to gradients of the layer's input.
-fn input_gradients(
-    layer: &Layer,
-    frames: usize,
-    spread: &[f32],
-    gradient: &mut [f32],
-    instructions: Instructions,
-) {
+#[inline(always)]
+fn input_gradients<V: Lanes>(layer: &Layer, frames: usize, spread: &[f32], gradient: &mut [f32]) {
     let tiles = frames * layer.tiles();
     let plane = tiles * layer.cell_width();
-    instructions.run(
-        #[inline(always)]
-        || {
-            for (frame, gradient) in gradient
-                .chunks_exact_mut(layer.input_len())
-                .take(frames)
-                .enumerate()
-            {
-                gradient.fill(0.0);
-                for tile in 0..layer.tiles() {
-                    let row = frame * layer.tiles() + tile;
-                    let cells = layer.cells(tile);
-                    for part in (0..layer.cell_width()).step_by(LANES) {
-                        let offset = layer.cell_offset(part);
-                        let at = (part / PANEL * tiles + row) * PANEL + part % PANEL;
-                        let mut values = [[[0.0; LANES]; 3]; 3];
-                        for (index, value) in values.iter_mut().flatten().enumerate() {
-                            *value = load(&spread[index * plane + at..]);
-                        }
-                        let values = both(values, spread_back);
-                        for (at, value) in cells.iter().flatten().zip(values.iter().flatten()) {
-                            if let Some(at) = at.map(|at| at + offset) {
-                                let sum = plus(load(&gradient[at..]), *value);
-                                gradient[at..at + LANES].copy_from_slice(&sum);
-                            }
+    let places: Vec<_> = (0..layer.tiles()).map(|tile| layer.cells(tile)).collect();
+    for (frame, gradient) in gradient
+        .chunks_exact_mut(layer.input_len())
+        .take(frames)
+        .enumerate()
+    {
+        gradient.fill(0.0);
+        for (tile, cells) in places.iter().enumerate() {
+            let row = frame * layer.tiles() + tile;
+            for part in (0..layer.cell_width()).step_by(LANES) {
+                let offset = layer.cell_offset(part);
+                let at = (part / PANEL * tiles + row) * PANEL + part % PANEL;
+                let top = spread_back(product_line::<V>(spread, plane, 0, at));
+                let middle = spread_back(product_line::<V>(spread, plane, 1, at));
+                let bottom = spread_back(product_line::<V>(spread, plane, 2, at));
+                for j in 0..3 {
+                    let column = spread_back([top[j], middle[j], bottom[j]]);
+                    for (i, value) in column.into_iter().enumerate() {
+                        if let Some(cell) = cells[i][j] {
+                            V::at(gradient, cell + offset)
+                                .plus(value)
+                                .put(gradient, cell + offset);
                         }
                     }
                 }
             }
-        },
-    );
+        }
+    }
 }

@@ -1,0 +1,165 @@
+//! Sixteen float32 numbers handled at once: one AVX-512 register, or an array that the compiler cuts to the registers there are.
+//!
+//! In: sixteen neighbouring numbers. Out: their sums and differences. For use under [`Instructions::run`](super::Instructions).
+
+/// Numbers in one vector.
+pub(super) const LANES: usize = 16;
+
+/// Sixteen numbers.
+pub(super) trait Lanes: Copy {
+    fn zero() -> Self;
+    fn load(from: &[f32; LANES]) -> Self;
+    fn store(self, to: &mut [f32; LANES]);
+    fn plus(self, other: Self) -> Self;
+    fn minus(self, other: Self) -> Self;
+    /// The number, or 0 where it is negative.
+    fn positive(self) -> Self;
+    /// The number, or 0 where `gate` is not above 0.
+    fn where_open(self, gate: Self) -> Self;
+
+    /// The sixteen numbers from `at` on.
+    #[inline(always)]
+    fn at(from: &[f32], at: usize) -> Self {
+        match from[at..].first_chunk() {
+            Some(from) => Self::load(from),
+            None => panic!("sixteen numbers at {at} of {}", from.len()),
+        }
+    }
+
+    /// Puts the sixteen numbers from `at` on.
+    #[inline(always)]
+    fn put(self, to: &mut [f32], at: usize) {
+        match to[at..].first_chunk_mut() {
+            Some(to) => self.store(to),
+            None => panic!("sixteen numbers at {at}"),
+        }
+    }
+}
+
+impl Lanes for [f32; LANES] {
+    #[inline(always)]
+    fn zero() -> Self {
+        [0.0; LANES]
+    }
+
+    #[inline(always)]
+    fn load(from: &Self) -> Self {
+        *from
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut Self) {
+        *to = self;
+    }
+
+    #[inline(always)]
+    fn plus(mut self, other: Self) -> Self {
+        for i in 0..LANES {
+            self[i] += other[i];
+        }
+        self
+    }
+
+    #[inline(always)]
+    fn minus(mut self, other: Self) -> Self {
+        for i in 0..LANES {
+            self[i] -= other[i];
+        }
+        self
+    }
+
+    #[inline(always)]
+    fn positive(mut self) -> Self {
+        for i in 0..LANES {
+            self[i] = if self[i] > 0.0 { self[i] } else { 0.0 };
+        }
+        self
+    }
+
+    #[inline(always)]
+    fn where_open(mut self, gate: Self) -> Self {
+        for i in 0..LANES {
+            self[i] = if gate[i] > 0.0 { self[i] } else { 0.0 };
+        }
+        self
+    }
+}
+
+/// Calls a function compiled for `$instructions`, with the vector type that suits them.
+macro_rules! with_lanes {
+    ($instructions:expr, $function:ident ( $($argument:expr),* )) => {
+        match $instructions {
+            #[cfg(target_arch = "x86_64")]
+            crate::kernels::Instructions::Avx512 => $instructions.run(#[inline(always)] || $function::<crate::kernels::lanes::Register>($($argument),*)),
+            _ => $instructions.run(#[inline(always)] || $function::<[f32; crate::kernels::lanes::LANES]>($($argument),*)),
+        }
+    };
+}
+
+pub(super) use with_lanes;
+
+#[cfg(target_arch = "x86_64")]
+pub(super) use avx512::Register;
+
+#[cfg(target_arch = "x86_64")]
+mod avx512 {
+    //! One AVX-512 register.
+    #![allow(
+        unsafe_code,
+        reason = "the instructions exist only where `Instructions::Avx512` does"
+    )]
+
+    use std::arch::x86_64::{
+        __m512, _CMP_GT_OQ, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_loadu_ps,
+        _mm512_maskz_mov_ps, _mm512_max_ps, _mm512_setzero_ps, _mm512_storeu_ps, _mm512_sub_ps,
+    };
+
+    use super::{LANES, Lanes};
+
+    /// Used only in code that runs with `Instructions::Avx512`.
+    #[derive(Clone, Copy)]
+    pub(in crate::kernels) struct Register(__m512);
+
+    // SAFETY (all below): the processor has AVX-512, see `Register`; loads and stores go through references to sixteen numbers.
+    impl Lanes for Register {
+        #[inline(always)]
+        fn zero() -> Self {
+            Self(unsafe { _mm512_setzero_ps() })
+        }
+
+        #[inline(always)]
+        fn load(from: &[f32; LANES]) -> Self {
+            Self(unsafe { _mm512_loadu_ps(from.as_ptr()) })
+        }
+
+        #[inline(always)]
+        fn store(self, to: &mut [f32; LANES]) {
+            unsafe { _mm512_storeu_ps(to.as_mut_ptr(), self.0) }
+        }
+
+        #[inline(always)]
+        fn plus(self, other: Self) -> Self {
+            Self(unsafe { _mm512_add_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn minus(self, other: Self) -> Self {
+            Self(unsafe { _mm512_sub_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn positive(self) -> Self {
+            Self(unsafe { _mm512_max_ps(self.0, _mm512_setzero_ps()) })
+        }
+
+        #[inline(always)]
+        fn where_open(self, gate: Self) -> Self {
+            Self(unsafe {
+                _mm512_maskz_mov_ps(
+                    _mm512_cmp_ps_mask::<_CMP_GT_OQ>(gate.0, _mm512_setzero_ps()),
+                    self.0,
+                )
+            })
+        }
+    }
+}
