@@ -28,6 +28,18 @@ pub enum Error {
         /// The value found.
         value: f32,
     },
+    /// A quantity to probe for holds NaN or infinity.
+    #[error("{name} of episode {episode}, step {step} is {value}, every value must be finite")]
+    QuantityNotFinite {
+        /// Name of the quantity.
+        name: String,
+        /// Row key.
+        episode: u32,
+        /// Row key.
+        step: u32,
+        /// The value found.
+        value: f64,
+    },
     /// No rows, or fewer than the computation needs.
     #[error("{what} needs at least {needed} rows, found {found}")]
     TooFewRows {

@@ -6,11 +6,14 @@
 mod error;
 mod table;
 
+pub mod curves;
 pub mod intervals;
 pub mod invariance;
 pub mod neighbours;
 pub mod pca;
+pub mod probes;
 pub mod quality;
+pub mod symmetry;
 pub mod umap;
 
 pub use error::Error;

@@ -1,0 +1,159 @@
+//! What is to be read: numbers or classes, one per row, as columns of targets.
+
+use rand::Rng;
+use rand::seq::SliceRandom;
+
+use crate::{Error, Table};
+
+/// A named quantity.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Quantity {
+    /// For tables and charts.
+    pub name: String,
+    /// One value per row.
+    pub values: Values,
+}
+
+/// Its values.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Values {
+    /// Numbers, `[rows]`: scored by R².
+    Numbers(Vec<f64>),
+    /// Class names, `[rows]`: scored by accuracy.
+    Classes(Vec<u32>),
+}
+
+/// All quantities side by side: a column per number, and one per class of a class quantity.
+#[derive(Debug, Clone)]
+pub(super) struct Targets {
+    pub columns: usize,
+    /// `[rows, columns]`.
+    pub values: Vec<f64>,
+    /// The columns of each quantity.
+    pub spans: Vec<Span>,
+}
+
+/// Where a quantity stands.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Span {
+    pub first: usize,
+    pub columns: usize,
+    pub classes: bool,
+}
+
+impl Targets {
+    pub(super) fn new(table: &Table<'_>, quantities: &[Quantity]) -> Result<Self, Error> {
+        let rows = table.rows();
+        let mut columns: Vec<Vec<f64>> = Vec::new();
+        let mut spans = Vec::new();
+        for quantity in quantities {
+            let own = match &quantity.values {
+                Values::Numbers(values) => vec![numbers(values, &quantity.name, table)?],
+                Values::Classes(classes) => indicators(classes, rows)?,
+            };
+            let classes = matches!(quantity.values, Values::Classes(_));
+            spans.push(Span {
+                first: columns.len(),
+                columns: own.len(),
+                classes,
+            });
+            columns.extend(own);
+        }
+        let values = (0..rows)
+            .flat_map(|row| columns.iter().map(move |column| column[row]))
+            .collect();
+        Ok(Self {
+            columns: columns.len(),
+            values,
+            spans,
+        })
+    }
+
+    pub(super) fn row(&self, row: usize) -> &[f64] {
+        &self.values[row * self.columns..(row + 1) * self.columns]
+    }
+
+    /// Every group of rows given another's targets, in order: the quantities stay as smooth in time as they were.
+    pub(super) fn shuffled(&self, groups: &[u32], count: usize, rng: &mut impl Rng) -> Self {
+        let mut members = vec![Vec::new(); count];
+        groups
+            .iter()
+            .enumerate()
+            .for_each(|(row, &group)| members[group as usize].push(row));
+        // A cycle, so that no group keeps its own.
+        let mut order: Vec<usize> = (0..count).collect();
+        order.shuffle(rng);
+        let mut values = vec![0.0; self.values.len()];
+        for (at, &group) in order.iter().enumerate() {
+            let donor = &members[order[(at + 1) % count]];
+            for (position, &row) in members[group].iter().enumerate() {
+                let from = donor[position % donor.len()];
+                values[row * self.columns..(row + 1) * self.columns]
+                    .copy_from_slice(self.row(from));
+            }
+        }
+        Self {
+            columns: self.columns,
+            values,
+            spans: self.spans.clone(),
+        }
+    }
+
+    /// What the score of a quantity is called, and its value without any latent.
+    pub(super) fn measure(&self, quantity: usize) -> (&'static str, f64) {
+        let span = self.spans[quantity];
+        if !span.classes {
+            return ("R²", 0.0);
+        }
+        let rows = self.values.len() / self.columns;
+        let share = |column: usize| {
+            (0..rows)
+                .map(|row| self.row(row)[span.first + column])
+                .sum::<f64>()
+                / rows as f64
+        };
+        ("accuracy", (0..span.columns).map(share).fold(0.0, f64::max))
+    }
+}
+
+fn numbers(values: &[f64], name: &str, table: &Table<'_>) -> Result<Vec<f64>, Error> {
+    if values.len() != table.rows() {
+        return Err(Error::Length {
+            what: "quantity",
+            expected: table.rows(),
+            found: values.len(),
+        });
+    }
+    match values.iter().position(|value| !value.is_finite()) {
+        None => Ok(values.to_vec()),
+        Some(row) => Err(Error::QuantityNotFinite {
+            name: name.to_owned(),
+            episode: table.episode()[row],
+            step: table.step()[row],
+            value: values[row],
+        }),
+    }
+}
+
+/// One column per class that occurs, in rising order.
+fn indicators(classes: &[u32], rows: usize) -> Result<Vec<Vec<f64>>, Error> {
+    if classes.len() != rows {
+        return Err(Error::Length {
+            what: "quantity",
+            expected: rows,
+            found: classes.len(),
+        });
+    }
+    let mut names = classes.to_vec();
+    names.sort_unstable();
+    names.dedup();
+    Ok(names
+        .iter()
+        .map(|name| {
+            classes
+                .iter()
+                .map(|class| f64::from(u8::from(class == name)))
+                .collect()
+        })
+        .collect())
+}
