@@ -29,11 +29,7 @@ pub struct Adam {
 
 impl Default for Adam {
     fn default() -> Self {
-        Self {
-            beta1: 0.9,
-            beta2: 0.999,
-            epsilon: 1e-8,
-        }
+        Self { beta1: 0.9, beta2: 0.999, epsilon: 1e-8 }
     }
 }
 
@@ -125,9 +121,7 @@ impl Adam {
     ) {
         let root = 1.0 / root;
         let moments = first.iter_mut().zip(second);
-        for ((parameter, gradient), (first, second)) in
-            parameter.iter_mut().zip(gradient).zip(moments)
-        {
+        for ((parameter, gradient), (first, second)) in parameter.iter_mut().zip(gradient).zip(moments) {
             let gradient = gradient * scale;
             *first = *first * self.beta1 + gradient * (1.0 - self.beta1);
             *second = *second * self.beta2 + gradient * gradient * (1.0 - self.beta2);
@@ -139,18 +133,12 @@ impl Adam {
     fn corrections(&self, learning_rate: f64, step: u64) -> (f32, f32) {
         let step = step as f64;
         let rate = learning_rate / (1.0 - f64::from(self.beta1).powf(step));
-        (
-            rate as f32,
-            (1.0 - f64::from(self.beta2).powf(step)).sqrt() as f32,
-        )
+        (rate as f32, (1.0 - f64::from(self.beta2).powf(step)).sqrt() as f32)
     }
 }
 
 /// All numbers of a tensor in one piece; copied first if another tensor shares them.
 fn whole(tensor: &mut FlexTensor) -> &mut [f32] {
-    let (start, end) = tensor
-        .layout()
-        .contiguous_offsets()
-        .expect("a tensor in one piece");
+    let (start, end) = tensor.layout().contiguous_offsets().expect("a tensor in one piece");
     &mut tensor.storage_mut::<f32>()[start..end]
 }

@@ -31,11 +31,7 @@ pub struct ConvLayer {
 /// If `pixels` does not hold exactly `shape`'s number of bytes.
 pub fn pixel_tensor(pixels: Vec<u8>, shape: [usize; 4], device: &Device) -> Tensor<4, Int> {
     let data = TensorData::new(pixels, shape);
-    if runs_on_flex(device) {
-        Tensor::from_data(data, (device, DType::U8))
-    } else {
-        Tensor::from_data(data, device)
-    }
+    if runs_on_flex(device) { Tensor::from_data(data, (device, DType::U8)) } else { Tensor::from_data(data, device) }
 }
 
 /// Features of frames: pixels `x/255 − 0.5`, then each layer's convolution and ReLU, then flattened channels last.
@@ -52,7 +48,6 @@ pub fn features(pixels: Tensor<4, Int>, layers: &[ConvLayer]) -> Tensor<2> {
 
 /// Width of [`features`]' result for `[height, width]` images, or `None` when the images are too small for that many layers.
 pub fn feature_count(image: [usize; 2], layers: usize, last_channels: usize) -> Option<usize> {
-    let side =
-        |size: usize| (0..layers).try_fold(size, |size, _| Some(size.checked_sub(4)? / 2 + 1));
+    let side = |size: usize| (0..layers).try_fold(size, |size, _| Some(size.checked_sub(4)? / 2 + 1));
     Some(side(image[0])? * side(image[1])? * last_channels)
 }

@@ -16,10 +16,7 @@ pub(super) fn runs_on_flex(device: &Device) -> bool {
     match device.as_dispatch() {
         DispatchDevice::Flex(_) => true,
         DispatchDevice::Autodiff(device) => matches!(**device, DispatchDevice::Flex(_)),
-        #[allow(
-            unreachable_patterns,
-            reason = "other variants exist with other backend features"
-        )]
+        #[allow(unreachable_patterns, reason = "other variants exist with other backend features")]
         _ => false,
     }
 }
@@ -29,11 +26,7 @@ pub(super) fn followed<const D: usize>(tensor: Tensor<D>) -> Option<Followed> {
     if tensor.dtype() != DType::F32 || !runs_on_flex(&tensor.device()) {
         return None;
     }
-    let tensor = if tensor.device().is_autodiff() {
-        tensor
-    } else {
-        Tensor::from_inner(tensor)
-    };
+    let tensor = if tensor.device().is_autodiff() { tensor } else { Tensor::from_inner(tensor) };
     tensor.try_into_primitive::<Autodiff<Flex>>().ok()
 }
 

@@ -59,23 +59,14 @@ impl Instructions {
     /// If the processor does not have them.
     #[inline]
     pub(super) fn run<R>(self, work: impl FnOnce() -> R) -> R {
-        debug_assert!(
-            self.available(),
-            "{self:?} asked for on a processor without it"
-        );
+        debug_assert!(self.available(), "{self:?} asked for on a processor without it");
         match self {
             #[cfg(target_arch = "x86_64")]
-            #[allow(
-                unsafe_code,
-                reason = "calls a function compiled for more instructions than the target's minimum"
-            )]
+            #[allow(unsafe_code, reason = "calls a function compiled for more instructions than the target's minimum")]
             // SAFETY: values of this type come from `best` or from tests that asked `available` first.
             Self::Avx512 => unsafe { with_avx512(work) },
             #[cfg(target_arch = "x86_64")]
-            #[allow(
-                unsafe_code,
-                reason = "calls a function compiled for more instructions than the target's minimum"
-            )]
+            #[allow(unsafe_code, reason = "calls a function compiled for more instructions than the target's minimum")]
             // SAFETY: as above.
             Self::Avx2 => unsafe { with_avx2(work) },
             _ => work(),

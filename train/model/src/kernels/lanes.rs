@@ -70,8 +70,8 @@ impl Lanes for [f32; LANES] {
 
     #[inline(always)]
     fn positive(mut self) -> Self {
-        for i in 0..LANES {
-            self[i] = if self[i] > 0.0 { self[i] } else { 0.0 };
+        for number in &mut self {
+            *number = if *number > 0.0 { *number } else { 0.0 };
         }
         self
     }
@@ -104,14 +104,11 @@ pub(super) use avx512::Register;
 #[cfg(target_arch = "x86_64")]
 mod avx512 {
     //! One AVX-512 register.
-    #![allow(
-        unsafe_code,
-        reason = "the instructions exist only where `Instructions::Avx512` does"
-    )]
+    #![allow(unsafe_code, reason = "the instructions exist only where `Instructions::Avx512` does")]
 
     use std::arch::x86_64::{
-        __m512, _CMP_GT_OQ, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_loadu_ps,
-        _mm512_maskz_mov_ps, _mm512_max_ps, _mm512_setzero_ps, _mm512_storeu_ps, _mm512_sub_ps,
+        __m512, _CMP_GT_OQ, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_loadu_ps, _mm512_maskz_mov_ps, _mm512_max_ps,
+        _mm512_setzero_ps, _mm512_storeu_ps, _mm512_sub_ps,
     };
 
     use super::{LANES, Lanes};
@@ -154,12 +151,7 @@ mod avx512 {
 
         #[inline(always)]
         fn where_open(self, gate: Self) -> Self {
-            Self(unsafe {
-                _mm512_maskz_mov_ps(
-                    _mm512_cmp_ps_mask::<_CMP_GT_OQ>(gate.0, _mm512_setzero_ps()),
-                    self.0,
-                )
-            })
+            Self(unsafe { _mm512_maskz_mov_ps(_mm512_cmp_ps_mask::<_CMP_GT_OQ>(gate.0, _mm512_setzero_ps()), self.0) })
         }
     }
 }

@@ -16,10 +16,7 @@ const PAGE: usize = 1 << 12;
 const KEPT: usize = 1 << 30;
 
 /// Buffers given back, smallest first.
-static SHELF: Mutex<Shelf> = Mutex::new(Shelf {
-    kept: Vec::new(),
-    bytes: 0,
-});
+static SHELF: Mutex<Shelf> = Mutex::new(Shelf { kept: Vec::new(), bytes: 0 });
 
 struct Shelf {
     kept: Vec<MmapMut>,
@@ -34,9 +31,7 @@ impl Shelf {
     /// The smallest that holds `bytes`; a much larger one stays for who needs it.
     fn take(&mut self, bytes: usize) -> Option<MmapMut> {
         let place = self.kept.partition_point(|kept| kept.len() < bytes);
-        self.kept
-            .get(place)
-            .filter(|kept| kept.len() <= 2 * bytes)?;
+        self.kept.get(place).filter(|kept| kept.len() <= 2 * bytes)?;
         let taken = self.kept.remove(place);
         self.bytes -= taken.len();
         Some(taken)
@@ -70,10 +65,7 @@ impl Buffer {
         let bytes = len * size_of::<f32>();
         let bytes = bytes.next_multiple_of(if bytes >= HUGE / 4 { HUGE } else { PAGE });
         let kept = shelf().take(bytes);
-        Self {
-            memory: Some(kept.unwrap_or_else(|| ask(bytes))),
-            len,
-        }
+        Self { memory: Some(kept.unwrap_or_else(|| ask(bytes))), len }
     }
 
     /// A buffer of zeros.
@@ -114,17 +106,13 @@ impl Clone for Buffer {
 impl Deref for Buffer {
     type Target = [f32];
     fn deref(&self) -> &[f32] {
-        self.memory
-            .as_ref()
-            .map_or(&[], |memory| &bytemuck::cast_slice(&memory[..])[..self.len])
+        self.memory.as_ref().map_or(&[], |memory| &bytemuck::cast_slice(&memory[..])[..self.len])
     }
 }
 
 impl DerefMut for Buffer {
     fn deref_mut(&mut self) -> &mut [f32] {
-        self.memory.as_mut().map_or(&mut [], |memory| {
-            &mut bytemuck::cast_slice_mut(&mut memory[..])[..self.len]
-        })
+        self.memory.as_mut().map_or(&mut [], |memory| &mut bytemuck::cast_slice_mut(&mut memory[..])[..self.len])
     }
 }
 

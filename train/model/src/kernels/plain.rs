@@ -11,12 +11,7 @@ pub fn features(pixels: Tensor<4, Int>, layers: &[ConvLayer]) -> Tensor<2> {
     let x = pixels.float().permute([0, 3, 1, 2]) / 255.0 - 0.5;
     let y = layers.iter().fold(x, |x, layer| {
         let options = ConvOptions::new([2, 2], [0, 0], [1, 1], 1);
-        activation::relu(conv2d(
-            x,
-            layer.weight.clone(),
-            Some(layer.bias.clone()),
-            options,
-        ))
+        activation::relu(conv2d(x, layer.weight.clone(), Some(layer.bias.clone()), options))
     });
     y.permute([0, 2, 3, 1]).flatten(1, 3)
 }
@@ -38,13 +33,9 @@ pub fn gru(
         if let Some(keep) = &keep {
             state = state * keep.clone().slice([t..t + 1, 0..batch]).reshape([batch, 1]);
         }
-        let x = gates.clone().slice([t..t + 1]).squeeze_dim::<2>(0);
+        let x = gates.clone().narrow(0, t, 1).squeeze_dim::<2>(0);
         let h = state.clone().matmul(weight.clone()) + bias.clone();
-        let part = |tensor: &Tensor<2>, gate: usize| {
-            tensor
-                .clone()
-                .slice([0..batch, gate * width..(gate + 1) * width])
-        };
+        let part = |tensor: &Tensor<2>, gate: usize| tensor.clone().slice([0..batch, gate * width..(gate + 1) * width]);
         let reset = activation::sigmoid(part(&x, 0) + part(&h, 0));
         let update = activation::sigmoid(part(&x, 1) + part(&h, 1));
         let candidate = (part(&x, 2) + reset * part(&h, 2)).tanh();

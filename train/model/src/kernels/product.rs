@@ -24,12 +24,7 @@ impl<'a> Left<'a, PANEL, 1> {
     /// Panels `[k/PANEL][rows, PANEL]` as they are: `left · right`.
     #[inline]
     pub(super) fn panels(data: &'a [f32], rows: usize, k: usize) -> Self {
-        Self {
-            data,
-            outer: k / PANEL,
-            outer_step: rows * PANEL,
-            inner: PANEL,
-        }
+        Self { data, outer: k / PANEL, outer_step: rows * PANEL, inner: PANEL }
     }
 }
 
@@ -37,12 +32,7 @@ impl<'a> Left<'a, 1, PANEL> {
     /// One panel `[k, PANEL]` turned round: `leftᵀ · right`, [`PANEL`] rows.
     #[inline]
     pub(super) fn turned(data: &'a [f32], k: usize) -> Self {
-        Self {
-            data,
-            outer: 1,
-            outer_step: 0,
-            inner: k,
-        }
+        Self { data, outer: 1, outer_step: 0, inner: k }
     }
 }
 
@@ -52,38 +42,15 @@ impl<const ROW: usize, const STEP: usize> Left<'_, ROW, STEP> {
     /// # Panics
     /// If a slice is too short.
     #[inline]
-    pub(super) fn times(
-        &self,
-        right: &[f32],
-        rows: usize,
-        out: &mut [f32],
-        add: bool,
-        instructions: Instructions,
-    ) {
+    pub(super) fn times(&self, right: &[f32], rows: usize, out: &mut [f32], add: bool, instructions: Instructions) {
         for start in (0..rows).step_by(TILE) {
-            let tile = Left {
-                data: &self.data[start * ROW..],
-                ..*self
-            };
+            let tile = Left { data: &self.data[start * ROW..], ..*self };
             let count = TILE.min(rows - start);
-            tile.tile(
-                right,
-                count,
-                &mut out[start * PANEL..(start + count) * PANEL],
-                add,
-                instructions,
-            );
+            tile.tile(right, count, &mut out[start * PANEL..(start + count) * PANEL], add, instructions);
         }
     }
 
-    fn tile(
-        &self,
-        right: &[f32],
-        rows: usize,
-        out: &mut [f32],
-        add: bool,
-        instructions: Instructions,
-    ) {
+    fn tile(&self, right: &[f32], rows: usize, out: &mut [f32], add: bool, instructions: Instructions) {
         let k = self.outer * self.inner;
         if k == 0 {
             if !add {
@@ -92,21 +59,13 @@ impl<const ROW: usize, const STEP: usize> Left<'_, ROW, STEP> {
             return;
         }
         let last = (rows - 1) * ROW + (self.outer - 1) * self.outer_step + (self.inner - 1) * STEP;
-        let (left, right, out) = (
-            &self.data[..=last],
-            &right[..k * PANEL],
-            &mut out[..rows * PANEL],
-        );
-        let shape = Shape {
-            outer: self.outer,
-            outer_step: self.outer_step,
-            inner: self.inner,
-        };
+        let (left, right, out) = (&self.data[..=last], &right[..k * PANEL], &mut out[..rows * PANEL]);
+        let shape = Shape { outer: self.outer, outer_step: self.outer_step, inner: self.inner };
         match instructions {
             #[cfg(target_arch = "x86_64")]
             Instructions::Avx512 => avx512::tile::<ROW, STEP>(shape, left, right, rows, out, add),
             Instructions::Avx2 => {
-                instructions.run(|| portable::<ROW, STEP, true>(shape, left, right, rows, out, add))
+                instructions.run(|| portable::<ROW, STEP, true>(shape, left, right, rows, out, add));
             }
             _ => portable::<ROW, STEP, false>(shape, left, right, rows, out, add),
         }
@@ -162,11 +121,7 @@ fn block<const ROWS: usize, const ROW: usize, const STEP: usize, const FUSED: bo
             for (r, sums) in sums.iter_mut().enumerate() {
                 let x = left[at + r * ROW];
                 for (sum, y) in sums.iter_mut().zip(line) {
-                    *sum = if FUSED {
-                        x.mul_add(*y, *sum)
-                    } else {
-                        x * y + *sum
-                    };
+                    *sum = if FUSED { x.mul_add(*y, *sum) } else { x * y + *sum };
                 }
             }
             k += 1;
@@ -182,14 +137,10 @@ fn block<const ROWS: usize, const ROW: usize, const STEP: usize, const FUSED: bo
 #[cfg(target_arch = "x86_64")]
 mod avx512 {
     //! The tile with AVX-512 registers.
-    #![allow(
-        unsafe_code,
-        reason = "vector loads and stores through pointers, after one check of the bounds per tile"
-    )]
+    #![allow(unsafe_code, reason = "vector loads and stores through pointers, after one check of the bounds per tile")]
 
     use std::arch::x86_64::{
-        __m512, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_set1_ps, _mm512_setzero_ps,
-        _mm512_storeu_ps,
+        __m512, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_set1_ps, _mm512_setzero_ps, _mm512_storeu_ps,
     };
 
     use super::{PANEL, Shape};
@@ -236,10 +187,7 @@ mod avx512 {
         unsafe {
             if add {
                 for (r, sums) in sums.iter_mut().enumerate() {
-                    *sums = [
-                        _mm512_loadu_ps(out.add(r * PANEL)),
-                        _mm512_loadu_ps(out.add(r * PANEL + 16)),
-                    ];
+                    *sums = [_mm512_loadu_ps(out.add(r * PANEL)), _mm512_loadu_ps(out.add(r * PANEL + 16))];
                 }
             }
             for outer in 0..shape.outer {

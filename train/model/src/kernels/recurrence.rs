@@ -19,9 +19,9 @@ mod tests;
 /// r = σ(x_r + h·W_r + b_r)    z = σ(x_z + h·W_z + b_z)    n = tanh(x_n + r ⊙ (h·W_n + b_n))    h' = (1 − z) ⊙ n + z ⊙ h
 /// ```
 ///
-/// * `gates` `[length, batch, 3·hidden]`: x_r, x_z, x_n side by side, the input's projection with its bias, made in one product.
-/// * `weight` `[hidden, 3·hidden]`: W_r, W_z, W_n side by side (Burn's `Linear` orientation, PyTorch's `weight_hh` transposed).
-/// * `bias` `[3·hidden]`: b_r, b_z, b_n.
+/// * `gates` `[length, batch, 3·hidden]`: `x_r`, `x_z`, `x_n` side by side, the input's projection with its bias, made in one product.
+/// * `weight` `[hidden, 3·hidden]`: `W_r`, `W_z`, `W_n` side by side (Burn's `Linear` orientation, PyTorch's `weight_hh` transposed).
+/// * `bias` `[3·hidden]`: `b_r`, `b_z`, `b_n`.
 /// * `initial` `[batch, hidden]`: the state before the first step.
 /// * `keep` `[length, batch]`, optional: multiplies the state before step t, 0 where an episode starts (`is_first`), else 1. No gradient flows to it.
 ///

@@ -28,12 +28,7 @@ pub(super) fn layers(image: [usize; 2], channels: &[[usize; 2]]) -> Option<Vec<L
     if channels.windows(2).any(|pair| pair[0][1] != pair[1][0]) {
         return None;
     }
-    let smaller = |size: [usize; 2]| {
-        Some([
-            size[0].checked_sub(4)? / 2 + 1,
-            size[1].checked_sub(4)? / 2 + 1,
-        ])
-    };
+    let smaller = |size: [usize; 2]| Some([size[0].checked_sub(4)? / 2 + 1, size[1].checked_sub(4)? / 2 + 1]);
     let mut size = image;
     for _ in channels {
         size = smaller(size)?;
@@ -42,12 +37,7 @@ pub(super) fn layers(image: [usize; 2], channels: &[[usize; 2]]) -> Option<Vec<L
     let mut layers: Vec<Layer> = Vec::with_capacity(channels.len());
     for [in_channels, out_channels] in channels.iter().rev().copied() {
         let input = size.map(|size| 2 * size + 2);
-        layers.push(Layer {
-            input,
-            output: size,
-            in_channels,
-            out_channels,
-        });
+        layers.push(Layer { input, output: size, in_channels, out_channels });
         size = input;
     }
     layers.reverse();
@@ -120,9 +110,7 @@ impl Layer {
         for (i, cells) in cells.iter_mut().enumerate() {
             for (j, cell) in cells.iter_mut().enumerate() {
                 if top + i <= high && left + j <= wide {
-                    *cell = Some(
-                        (2 * (top + i) * self.input[1] + 2 * (left + j)) * self.input_stride(),
-                    );
+                    *cell = Some((2 * (top + i) * self.input[1] + 2 * (left + j)) * self.input_stride());
                 }
             }
         }
@@ -133,11 +121,7 @@ impl Layer {
     #[inline(always)]
     pub(super) fn cell_offset(&self, part: usize) -> usize {
         let half = 2 * self.input_stride();
-        if part < half {
-            part
-        } else {
-            self.input[1] * self.input_stride() + part - half
-        }
+        if part < half { part } else { self.input[1] * self.input_stride() + part - half }
     }
 
     /// Where a tile's 2×2 outputs start in the frame's output; `None` beyond an odd output's edge.

@@ -36,47 +36,21 @@ pub(super) fn features_with(
     if colors != COLORS || !flex::runs_on_flex(&pixels.device()) {
         return None;
     }
-    let channels: Vec<[usize; 2]> = layers
-        .iter()
-        .map(|layer| layer.weight.dims())
-        .map(|[n, c, _, _]| [c, n])
-        .collect();
-    let kernels_fit = layers
-        .iter()
-        .all(|layer| layer.weight.dims()[2..] == [4, 4]);
+    let channels: Vec<[usize; 2]> = layers.iter().map(|layer| layer.weight.dims()).map(|[n, c, _, _]| [c, n]).collect();
+    let kernels_fit = layers.iter().all(|layer| layer.weight.dims()[2..] == [4, 4]);
     if !kernels_fit || channels.first()?[0] != COLORS {
         return None;
     }
-    let stack = Stack {
-        layers: geometry::layers([height, width], &channels)?,
-        instructions,
-    };
-    let input = Input {
-        stack,
-        bytes: bytes(pixels)?,
-    };
-    let followed = layers
-        .iter()
-        .any(|layer| layer.weight.device().is_autodiff() || layer.bias.device().is_autodiff());
-    if followed {
-        input.followed(layers)
-    } else {
-        input.unfollowed(layers)
-    }
+    let stack = Stack { layers: geometry::layers([height, width], &channels)?, instructions };
+    let input = Input { stack, bytes: bytes(pixels)? };
+    let followed = layers.iter().any(|layer| layer.weight.device().is_autodiff() || layer.bias.device().is_autodiff());
+    if followed { input.followed(layers) } else { input.unfollowed(layers) }
 }
 
 /// The pixels as bytes in one piece.
 fn bytes(pixels: &Tensor<4, Int>) -> Option<FlexTensor> {
-    let pixels = if pixels.device().is_autodiff() {
-        pixels.clone().inner()
-    } else {
-        pixels.clone()
-    };
-    let pixels = if pixels.dtype() == DType::U8 {
-        pixels
-    } else {
-        pixels.cast(IntDType::U8)
-    };
+    let pixels = if pixels.device().is_autodiff() { pixels.clone().inner() } else { pixels.clone() };
+    let pixels = if pixels.dtype() == DType::U8 { pixels } else { pixels.cast(IntDType::U8) };
     Some(pixels.try_into_primitive::<Flex>().ok()?.to_contiguous())
 }
 
@@ -132,29 +106,17 @@ impl Input {
     fn record<const N: usize>(self, weights: Vec<Followed>) -> Option<Followed> {
         let weights: [Followed; N] = weights.try_into().ok()?;
         let nodes = weights.each_ref().map(Followed::node);
-        let weights: Vec<FlexTensor> = weights
-            .into_iter()
-            .map(|weight| weight.into_primitive().to_contiguous())
-            .collect();
+        let weights: Vec<FlexTensor> =
+            weights.into_iter().map(|weight| weight.into_primitive().to_contiguous()).collect();
         let activations = self.stack.forward(self.bytes(), &pairs(&weights));
         let output = self.output(&activations);
-        Some(
-            match Convolutions
-                .prepare::<NoCheckpointing>(nodes)
-                .compute_bound()
-                .stateful()
-            {
-                OpsKind::Tracked(prepared) => {
-                    let kept = Kept {
-                        input: self,
-                        weights,
-                        activations: Arc::new(activations),
-                    };
-                    prepared.finish(kept, output)
-                }
-                OpsKind::UnTracked(prepared) => prepared.finish(output),
-            },
-        )
+        Some(match Convolutions.prepare::<NoCheckpointing>(nodes).compute_bound().stateful() {
+            OpsKind::Tracked(prepared) => {
+                let kept = Kept { input: self, weights, activations: Arc::new(activations) };
+                prepared.finish(kept, output)
+            }
+            OpsKind::UnTracked(prepared) => prepared.finish(output),
+        })
     }
 
     /// The last activations without padding.
@@ -167,10 +129,7 @@ impl Input {
             .copied()
             .collect();
         let frames = activations.len() / last.output_len();
-        flex::tensor(
-            numbers,
-            [frames, last.output[0] * last.output[1] * last.out_channels],
-        )
+        flex::tensor(numbers, [frames, last.output[0] * last.output[1] * last.out_channels])
     }
 }
 
@@ -178,10 +137,7 @@ impl Input {
 fn pairs(weights: &[FlexTensor]) -> Vec<Weights<'_>> {
     weights
         .chunks_exact(2)
-        .map(|pair| Weights {
-            weight: flex::numbers(&pair[0]),
-            bias: flex::numbers(&pair[1]),
-        })
+        .map(|pair| Weights { weight: flex::numbers(&pair[0]), bias: flex::numbers(&pair[1]) })
         .collect()
 }
 
@@ -203,22 +159,13 @@ impl<const N: usize> Backward<Flex, N> for Convolutions {
             padded[..last.out_channels].copy_from_slice(position);
             padded[last.out_channels..].fill(0.0);
         }
-        let found = stack.backward(
-            kept.input.bytes(),
-            &pairs(&kept.weights),
-            &kept.activations,
-            &padded,
-        );
-        let found = found
-            .into_iter()
-            .flat_map(|layer| [layer.weight, layer.bias]);
+        let found = stack.backward(kept.input.bytes(), &pairs(&kept.weights), &kept.activations, &padded);
+        let found = found.into_iter().flat_map(|layer| [layer.weight, layer.bias]);
         for ((parent, weight), found) in ops.parents.iter().zip(&kept.weights).zip(found) {
             if let Some(parent) = parent {
                 let shape = weight.layout().shape().clone();
-                gradients.register::<Flex>(
-                    parent.id,
-                    flex::tensor(found, [weight.layout().num_elements()]).reshape(shape),
-                );
+                gradients
+                    .register::<Flex>(parent.id, flex::tensor(found, [weight.layout().num_elements()]).reshape(shape));
             }
         }
     }

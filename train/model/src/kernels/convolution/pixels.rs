@@ -38,37 +38,18 @@ fn scaled(layer: &Layer, bytes: &[u8], instructions: Instructions) -> Buffer {
 }
 
 /// The layer's output for some frames: convolution, bias, ReLU.
-pub(super) fn forward(
-    layer: &Layer,
-    bytes: &[u8],
-    planes: &Planes,
-    output: &mut [f32],
-    instructions: Instructions,
-) {
+pub(super) fn forward(layer: &Layer, bytes: &[u8], planes: &Planes, output: &mut [f32], instructions: Instructions) {
     let (wide, line) = (layer.output[1], layer.input[1] * COLORS);
     let mut summed = Buffer::stale(wide * PANEL);
-    let frames = bytes
-        .chunks_exact(layer.input[0] * line)
-        .zip(output.chunks_exact_mut(layer.output_len()));
+    let frames = bytes.chunks_exact(layer.input[0] * line).zip(output.chunks_exact_mut(layer.output_len()));
     for (bytes, output) in frames {
         let image = scaled(layer, bytes, instructions);
-        for (row, output) in output
-            .chunks_exact_mut(wide * layer.output_stride())
-            .enumerate()
-        {
+        for (row, output) in output.chunks_exact_mut(wide * layer.output_stride()).enumerate() {
             let data = &image[2 * row * line..];
-            let left = Left::<STRIDE, 1> {
-                data,
-                outer: 4,
-                outer_step: line,
-                inner: REACH,
-            };
+            let left = Left::<STRIDE, 1> { data, outer: 4, outer_step: line, inner: REACH };
             for (panel, weights) in planes.weights.chunks_exact(KERNEL * PANEL).enumerate() {
                 left.times(weights, wide, &mut summed, false, instructions);
-                with_lanes!(
-                    instructions,
-                    finish(layer, panel, &summed, &planes.bias, output)
-                );
+                with_lanes!(instructions, finish(layer, panel, &summed, &planes.bias, output));
             }
         }
     }
@@ -80,14 +61,8 @@ fn finish<V: Lanes>(layer: &Layer, panel: usize, summed: &[f32], bias: &[f32], o
     let (start, stride) = (panel * PANEL, layer.output_stride());
     for part in (start..stride.min(start + PANEL)).step_by(LANES) {
         let bias = V::at(bias, part);
-        for (summed, output) in summed
-            .chunks_exact(PANEL)
-            .zip(output.chunks_exact_mut(stride))
-        {
-            V::at(summed, part - start)
-                .plus(bias)
-                .positive()
-                .put(output, part);
+        for (summed, output) in summed.chunks_exact(PANEL).zip(output.chunks_exact_mut(stride)) {
+            V::at(summed, part - start).plus(bias).positive().put(output, part);
         }
     }
 }
@@ -102,29 +77,17 @@ pub(super) fn backward(
 ) {
     let (wide, line) = (layer.output[1], layer.input[1] * COLORS);
     let mut open = Buffer::stale(ROWS * wide * PANEL);
-    let activations = output
-        .chunks_exact(layer.output_len())
-        .zip(output_gradient.chunks_exact(layer.output_len()));
+    let activations = output.chunks_exact(layer.output_len()).zip(output_gradient.chunks_exact(layer.output_len()));
     for (bytes, (output, gradient)) in bytes.chunks_exact(layer.input[0] * line).zip(activations) {
         let image = scaled(layer, bytes, instructions);
         let rows = ROWS * wide * layer.output_stride();
-        for (index, (output, gradient)) in
-            output.chunks(rows).zip(gradient.chunks(rows)).enumerate()
-        {
+        for (index, (output, gradient)) in output.chunks(rows).zip(gradient.chunks(rows)).enumerate() {
             let high = output.len() / (wide * layer.output_stride());
             for (panel, weights) in sums.weights.chunks_exact_mut(KERNEL * PANEL).enumerate() {
-                with_lanes!(
-                    instructions,
-                    mask(layer, panel, [output, gradient], &mut open, &mut sums.bias)
-                );
+                with_lanes!(instructions, mask(layer, panel, [output, gradient], &mut open, &mut sums.bias));
                 for (row, weights) in weights.chunks_exact_mut(REACH * PANEL).enumerate() {
                     let data = &image[(2 * ROWS * index + row) * line..];
-                    let left = Left::<1, STRIDE> {
-                        data,
-                        outer: high,
-                        outer_step: 2 * line,
-                        inner: wide,
-                    };
+                    let left = Left::<1, STRIDE> { data, outer: high, outer_step: 2 * line, inner: wide };
                     left.times(&open, REACH, weights, true, instructions);
                 }
             }
@@ -134,25 +97,13 @@ pub(super) fn backward(
 
 /// One panel of the gradient where ReLU was open, and the bias's share.
 #[inline(always)]
-fn mask<V: Lanes>(
-    layer: &Layer,
-    panel: usize,
-    [output, gradient]: [&[f32]; 2],
-    open: &mut [f32],
-    bias: &mut [f32],
-) {
+fn mask<V: Lanes>(layer: &Layer, panel: usize, [output, gradient]: [&[f32]; 2], open: &mut [f32], bias: &mut [f32]) {
     let (start, stride) = (panel * PANEL, layer.output_stride());
     for part in (start..start + PANEL).step_by(LANES) {
         let mut sum = V::at(bias, part);
-        let positions = output
-            .chunks_exact(stride)
-            .zip(gradient.chunks_exact(stride));
+        let positions = output.chunks_exact(stride).zip(gradient.chunks_exact(stride));
         for (open, (output, gradient)) in open.chunks_exact_mut(PANEL).zip(positions) {
-            let value = if part < stride {
-                V::at(gradient, part).where_open(V::at(output, part))
-            } else {
-                V::zero()
-            };
+            let value = if part < stride { V::at(gradient, part).where_open(V::at(output, part)) } else { V::zero() };
             sum = sum.plus(value);
             value.put(open, part - start);
         }

@@ -62,32 +62,18 @@ impl Stack {
     pub(super) fn forward(&self, bytes: &[u8], given: &[Weights<'_>]) -> Vec<Buffer> {
         let frames = bytes.len() / self.frame_bytes();
         let planes = self.planes(given, false);
-        let mut kept: Vec<Buffer> = self
-            .layers
-            .iter()
-            .map(|layer| Buffer::stale(frames * layer.output_len()))
-            .collect();
-        let mut work: Vec<(&[u8], Vec<&mut [f32]>)> = bytes
-            .chunks(CHUNK * self.frame_bytes())
-            .map(|bytes| (bytes, Vec::new()))
-            .collect();
+        let mut kept: Vec<Buffer> =
+            self.layers.iter().map(|layer| Buffer::stale(frames * layer.output_len())).collect();
+        let mut work: Vec<(&[u8], Vec<&mut [f32]>)> =
+            bytes.chunks(CHUNK * self.frame_bytes()).map(|bytes| (bytes, Vec::new())).collect();
         for (layer, kept) in self.layers.iter().zip(&mut kept) {
-            for ((_, outputs), kept) in work
-                .iter_mut()
-                .zip(kept.chunks_mut(CHUNK * layer.output_len()))
-            {
+            for ((_, outputs), kept) in work.iter_mut().zip(kept.chunks_mut(CHUNK * layer.output_len())) {
                 outputs.push(kept);
             }
         }
         work.into_par_iter().for_each(|(bytes, mut outputs)| {
             let frames = bytes.len() / self.frame_bytes();
-            self.forward_to(
-                self.layers.len() - 1,
-                [0, frames],
-                bytes,
-                &mut outputs,
-                &planes,
-            );
+            self.forward_to(self.layers.len() - 1, [0, frames], bytes, &mut outputs, &planes);
         });
         kept
     }
@@ -114,14 +100,7 @@ impl Stack {
             self.forward_to(top - 1, [start, end], bytes, below, planes);
             let input = &below[top - 1][start * layer.input_len()..end * layer.input_len()];
             let output = &mut output[start * layer.output_len()..end * layer.output_len()];
-            winograd::forward(
-                layer,
-                end - start,
-                input,
-                &planes[top],
-                output,
-                self.instructions,
-            );
+            winograd::forward(layer, end - start, input, &planes[top], output, self.instructions);
         }
     }
 
@@ -144,19 +123,8 @@ impl Stack {
             .map(|start| {
                 let end = frames.min(start + share);
                 let mut sums = self.sums();
-                let share = Share {
-                    start,
-                    bytes,
-                    kept,
-                    planes: &planes,
-                };
-                self.backward_from(
-                    last,
-                    [start, end],
-                    &share,
-                    &gradient[start * width..end * width],
-                    &mut sums,
-                );
+                let share = Share { start, bytes, kept, planes: &planes };
+                self.backward_from(last, [start, end], &share, &gradient[start * width..end * width], &mut sums);
                 sums
             })
             .collect();
@@ -168,10 +136,7 @@ impl Stack {
                     0 => weights::pixel_gradient(layer, &shares),
                     _ => weights::gradient(layer, &shares),
                 };
-                Gradients {
-                    weight,
-                    bias: weights::bias_gradient(layer, &shares),
-                }
+                Gradients { weight, bias: weights::bias_gradient(layer, &shares) }
             })
             .collect()
     }
@@ -190,13 +155,7 @@ impl Stack {
         if top == 0 {
             let bytes = &share.bytes[from * self.frame_bytes()..to * self.frame_bytes()];
             let output = &kept[0][from * width..to * width];
-            return pixels::backward(
-                layer,
-                bytes,
-                [output, gradient],
-                &mut sums[0],
-                self.instructions,
-            );
+            return pixels::backward(layer, bytes, [output, gradient], &mut sums[0], self.instructions);
         }
         let block = self.block(top).min(to - from);
         let mut below = Buffer::stale(block * layer.input_len());
@@ -208,16 +167,7 @@ impl Stack {
             let below = &mut below[..input.len()];
             let sum = (&mut sums[top], start == share.start);
             let planes = &share.planes[top];
-            winograd::backward(
-                layer,
-                end - start,
-                [input, output],
-                gradient,
-                planes,
-                sum,
-                below,
-                self.instructions,
-            );
+            winograd::backward(layer, end - start, [input, output], gradient, planes, sum, below, self.instructions);
             self.backward_from(top - 1, [start, end], share, below, sums);
         }
     }
@@ -235,13 +185,7 @@ impl Stack {
     fn sums(&self) -> Vec<Planes> {
         let layers = self.layers.iter().enumerate();
         layers
-            .map(|(index, layer)| {
-                if index == 0 {
-                    weights::pixel_sums(layer)
-                } else {
-                    weights::sums(layer)
-                }
-            })
+            .map(|(index, layer)| if index == 0 { weights::pixel_sums(layer) } else { weights::sums(layer) })
             .collect()
     }
 }

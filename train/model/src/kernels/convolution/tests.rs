@@ -10,21 +10,14 @@ fn layers(channels: &[[usize; 2]], device: &Device) -> Vec<ConvLayer> {
     channels
         .iter()
         .map(|[c, n]| ConvLayer {
-            weight: Tensor::random(
-                [*n, *c, 4, 4],
-                random((2.0 / (16 * c) as f64).sqrt()),
-                device,
-            )
-            .require_grad(),
+            weight: Tensor::random([*n, *c, 4, 4], random((2.0 / (16 * c) as f64).sqrt()), device).require_grad(),
             bias: Tensor::random([*n], random(0.1), device).require_grad(),
         })
         .collect()
 }
 
 fn frames(shape: [usize; 4], device: &Device) -> Tensor<4, Int> {
-    let bytes = (0..shape.iter().product::<usize>())
-        .map(|i| (i * i / 7 + 31 * i) as u8)
-        .collect();
+    let bytes = (0..shape.iter().product::<usize>()).map(|i| (i * i / 7 + 31 * i) as u8).collect();
     pixel_tensor(bytes, shape, device)
 }
 
@@ -35,12 +28,7 @@ fn distance<const D: usize>(a: Tensor<D>, b: Tensor<D>) -> f32 {
     norm(a - b.clone()) / norm(b).max(1e-12)
 }
 
-fn assert_agree(
-    image: [usize; 2],
-    channels: &[[usize; 2]],
-    count: usize,
-    instructions: Instructions,
-) {
+fn assert_agree(image: [usize; 2], channels: &[[usize; 2]], count: usize, instructions: Instructions) {
     if !instructions.available() {
         return;
     }
@@ -55,36 +43,18 @@ fn assert_agree(
     let found = (found * weight.clone()).sum().backward();
     let expected = (expected * weight).sum().backward();
     for (index, layer) in layers.iter().enumerate() {
-        let weight = distance(
-            layer.weight.grad(&found).unwrap(),
-            layer.weight.grad(&expected).unwrap(),
-        );
-        let bias = distance(
-            layer.bias.grad(&found).unwrap(),
-            layer.bias.grad(&expected).unwrap(),
-        );
-        assert!(
-            weight < 2e-5 && bias < 2e-5,
-            "layer {index}: {weight} {bias} with {instructions:?}"
-        );
+        let weight = distance(layer.weight.grad(&found).unwrap(), layer.weight.grad(&expected).unwrap());
+        let bias = distance(layer.bias.grad(&found).unwrap(), layer.bias.grad(&expected).unwrap());
+        assert!(weight < 2e-5 && bias < 2e-5, "layer {index}: {weight} {bias} with {instructions:?}");
     }
 }
 
-const ALL: [Instructions; 3] = [
-    Instructions::Avx512,
-    Instructions::Avx2,
-    Instructions::Portable,
-];
+const ALL: [Instructions; 3] = [Instructions::Avx512, Instructions::Avx2, Instructions::Portable];
 
 #[test]
 fn agrees_on_the_default_network() {
     for instructions in ALL {
-        assert_agree(
-            [64, 64],
-            &[[3, 32], [32, 64], [64, 128], [128, 256]],
-            5,
-            instructions,
-        );
+        assert_agree([64, 64], &[[3, 32], [32, 64], [64, 128], [128, 256]], 5, instructions);
     }
 }
 
@@ -93,12 +63,7 @@ fn agrees_on_odd_sizes() {
     for instructions in ALL {
         assert_agree([37, 50], &[[3, 40], [40, 24], [24, 7]], 33, instructions);
         assert_agree([23, 30], &[[3, 8], [8, 20]], 3, instructions);
-        assert_agree(
-            [84, 84],
-            &[[3, 16], [16, 32], [32, 64], [64, 64]],
-            2,
-            instructions,
-        );
+        assert_agree([84, 84], &[[3, 16], [16, 32], [32, 64], [64, 64]], 2, instructions);
         assert_agree([5, 9], &[[3, 5]], 1, instructions);
     }
 }
@@ -110,10 +75,7 @@ fn an_inner_device_gives_the_same_features() {
     let pixels = frames([4, 16, 16, 3], &device);
     let inner: Vec<ConvLayer> = layers
         .iter()
-        .map(|layer| ConvLayer {
-            weight: layer.weight.clone().inner(),
-            bias: layer.bias.clone().inner(),
-        })
+        .map(|layer| ConvLayer { weight: layer.weight.clone().inner(), bias: layer.bias.clone().inner() })
         .collect();
     let followed = features(pixels.clone(), &layers).inner();
     let unfollowed = features(pixels.inner(), &inner);
@@ -123,18 +85,13 @@ fn an_inner_device_gives_the_same_features() {
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
     let run = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let device = Device::flex().autodiff();
             let layers: Vec<ConvLayer> = [[3, 16], [16, 32], [32, 32]]
                 .iter()
                 .map(|[c, n]| {
-                    let values: Vec<f32> = (0..n * c * 16)
-                        .map(|i| ((i * 37 % 101) as f32 - 50.0) / 500.0)
-                        .collect();
+                    let values: Vec<f32> = (0..n * c * 16).map(|i| ((i * 37 % 101) as f32 - 50.0) / 500.0).collect();
                     let data = TensorData::new(values, [*n, *c, 4, 4]);
                     ConvLayer {
                         weight: Tensor::from_data(data, &device).require_grad(),
@@ -142,34 +99,22 @@ fn any_number_of_threads_gives_the_same_bits() {
                     }
                 })
                 .collect();
-            let gradients = features(frames([67, 32, 32, 3], &device), &layers)
-                .powi_scalar(2)
-                .sum()
-                .backward();
-            layers
-                .iter()
-                .map(|layer| layer.weight.grad(&gradients).unwrap().into_data())
-                .collect::<Vec<_>>()
+            let gradients = features(frames([67, 32, 32, 3], &device), &layers).powi_scalar(2).sum().backward();
+            layers.iter().map(|layer| layer.weight.grad(&gradients).unwrap().into_data()).collect::<Vec<_>>()
         })
     };
     assert_eq!(run(1), run(3));
 }
 
 #[test]
-#[allow(
-    deprecated,
-    reason = "ndarray is the other backend that needs no graphics processor"
-)]
+#[allow(deprecated, reason = "ndarray is the other backend that needs no graphics processor")]
 fn other_backends_take_the_plain_path() {
     let device = Device::ndarray().autodiff();
     let layers = layers(&[[3, 4], [4, 6]], &device);
     let pixels = frames([2, 14, 14, 3], &device);
     assert!(operation::features(&pixels, &layers).is_none());
     let gradients = features(pixels, &layers).sum().backward();
-    assert_eq!(
-        layers[0].weight.grad(&gradients).unwrap().dims(),
-        [4, 3, 4, 4]
-    );
+    assert_eq!(layers[0].weight.grad(&gradients).unwrap().dims(), [4, 3, 4, 4]);
 }
 
 #[test]

@@ -29,11 +29,7 @@ pub(super) fn pixel_planes(layer: &Layer, weight: &[f32], bias: &[f32]) -> Plane
 /// Zeros to add the pixel layer's gradients to.
 pub(super) fn pixel_sums(layer: &Layer) -> Planes {
     let n = layer.panelled_channels();
-    Planes {
-        weights: Buffer::zeros(KERNEL * n),
-        turned: Buffer::zeros(0),
-        bias: Buffer::zeros(n),
-    }
+    Planes { weights: Buffer::zeros(KERNEL * n), turned: Buffer::zeros(0), bias: Buffer::zeros(n) }
 }
 
 /// Gradient of the pixel layer's weight in Burn's order, from the shares' sums, added in their order.
@@ -61,36 +57,21 @@ pub(super) fn planes(layer: &Layer, weight: &[f32], bias: &[f32], turned: bool) 
     padded_bias[..bias.len()].copy_from_slice(bias);
     let mut made = Buffer::zeros(PRODUCTS * k * n);
     let chunk = PRODUCTS * PANEL * if turned { n } else { k };
-    made.par_chunks_exact_mut(chunk)
-        .enumerate()
-        .for_each(|(panel, made)| {
-            if turned {
-                turned_panel(layer, weight, panel, made)
-            } else {
-                panel_of(layer, weight, panel, made)
-            }
-        });
-    let (weights, turned) = if turned {
-        (Buffer::zeros(0), made)
-    } else {
-        (made, Buffer::zeros(0))
-    };
-    Planes {
-        weights,
-        turned,
-        bias: padded_bias,
-    }
+    made.par_chunks_exact_mut(chunk).enumerate().for_each(|(panel, made)| {
+        if turned {
+            turned_panel(layer, weight, panel, made);
+        } else {
+            panel_of(layer, weight, panel, made);
+        }
+    });
+    let (weights, turned) = if turned { (Buffer::zeros(0), made) } else { (made, Buffer::zeros(0)) };
+    Planes { weights, turned, bias: padded_bias }
 }
 
 /// The four taps of a kernel that fall on number `cell` of the 2×2 cells: g00, g01, g10, g11.
 fn cell_taps(taps: &[f32], cell: usize) -> [f32; 4] {
     let first = cell / 2 * 4 + cell % 2;
-    [
-        taps[first],
-        taps[first + 2],
-        taps[first + 8],
-        taps[first + 10],
-    ]
+    [taps[first], taps[first + 2], taps[first + 8], taps[first + 10]]
 }
 
 /// The nine factors of four taps: along each axis g0, g0 + g1, g1.
@@ -112,8 +93,7 @@ fn panel_of(layer: &Layer, weight: &[f32], panel: usize, made: &mut [f32]) {
                 }
             }
             for (index, row) in rows.iter().enumerate() {
-                made[(index * k + cell * padded(layer.in_channels) + c) * PANEL..][..PANEL]
-                    .copy_from_slice(row);
+                made[(index * k + cell * padded(layer.in_channels) + c) * PANEL..][..PANEL].copy_from_slice(row);
             }
         }
     }
@@ -126,10 +106,7 @@ fn turned_panel(layer: &Layer, weight: &[f32], panel: usize, made: &mut [f32]) {
     for n in 0..layer.out_channels {
         let mut rows = [[0.0; PANEL]; PRODUCTS];
         for lane in 0..PANEL {
-            let (cell, c) = (
-                (panel * PANEL + lane) / stride,
-                (panel * PANEL + lane) % stride,
-            );
+            let (cell, c) = ((panel * PANEL + lane) / stride, (panel * PANEL + lane) % stride);
             if c < layer.in_channels {
                 let taps = &weight[(n * layer.in_channels + c) * TAPS..][..TAPS];
                 for (row, value) in rows.iter_mut().zip(spread(cell_taps(taps, cell))) {
@@ -146,11 +123,7 @@ fn turned_panel(layer: &Layer, weight: &[f32], panel: usize, made: &mut [f32]) {
 /// Room for a later layer's gradients, in the order of [`planes`]; only the bias's are zeros.
 pub(super) fn sums(layer: &Layer) -> Planes {
     let [k, n] = layer.product();
-    Planes {
-        weights: Buffer::stale(PRODUCTS * k * n),
-        turned: Buffer::zeros(0),
-        bias: Buffer::zeros(n),
-    }
+    Planes { weights: Buffer::stale(PRODUCTS * k * n), turned: Buffer::zeros(0), bias: Buffer::zeros(n) }
 }
 
 /// Gradient of a later layer's weight in Burn's order, from the shares' sums, added in their order.
@@ -158,31 +131,21 @@ pub(super) fn gradient(layer: &Layer, shares: &[&Planes]) -> Vec<f32> {
     let [k, _] = layer.product();
     let width = layer.in_channels * TAPS;
     let mut gradient = vec![0.0; layer.out_channels * width];
-    gradient
-        .par_chunks_mut(PANEL * width)
-        .enumerate()
-        .for_each(|(panel, gradient)| {
-            for cell in 0..4 {
-                for c in 0..layer.in_channels {
-                    let rows = summed_rows(
-                        shares,
-                        panel * PRODUCTS * k + cell * padded(layer.in_channels) + c,
-                        k,
-                    );
-                    for (lane, gradient) in gradient.chunks_exact_mut(width).enumerate() {
-                        for tap in 0..4 {
-                            let first = tap / 2 * 3 + tap % 2;
-                            let sum = (rows[first][lane] + rows[first + 1][lane])
-                                + (rows[first + 3][lane] + rows[first + 4][lane]);
-                            gradient[c * TAPS
-                                + (tap / 2 * 2 + cell / 2) * 4
-                                + tap % 2 * 2
-                                + cell % 2] = sum;
-                        }
+    gradient.par_chunks_mut(PANEL * width).enumerate().for_each(|(panel, gradient)| {
+        for cell in 0..4 {
+            for c in 0..layer.in_channels {
+                let rows = summed_rows(shares, panel * PRODUCTS * k + cell * padded(layer.in_channels) + c, k);
+                for (lane, gradient) in gradient.chunks_exact_mut(width).enumerate() {
+                    for tap in 0..4 {
+                        let first = tap / 2 * 3 + tap % 2;
+                        let sum = (rows[first][lane] + rows[first + 1][lane])
+                            + (rows[first + 3][lane] + rows[first + 4][lane]);
+                        gradient[c * TAPS + (tap / 2 * 2 + cell / 2) * 4 + tap % 2 * 2 + cell % 2] = sum;
                     }
                 }
             }
-        });
+        }
+    });
     gradient
 }
 
@@ -192,9 +155,7 @@ fn summed_rows(shares: &[&Planes], row: usize, step: usize) -> [[f32; PANEL]; PR
     for share in shares {
         for (index, sum) in rows.iter_mut().enumerate() {
             let row = &share.weights[(row + index * step) * PANEL..][..PANEL];
-            sum.iter_mut()
-                .zip(row)
-                .for_each(|(sum, value)| *sum += value);
+            sum.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
         }
     }
     rows
@@ -202,7 +163,5 @@ fn summed_rows(shares: &[&Planes], row: usize, step: usize) -> [[f32; PANEL]; PR
 
 /// Gradient of a bias, from the shares' sums.
 pub(super) fn bias_gradient(layer: &Layer, shares: &[&Planes]) -> Vec<f32> {
-    (0..layer.out_channels)
-        .map(|n| shares.iter().map(|share| share.bias[n]).sum())
-        .collect()
+    (0..layer.out_channels).map(|n| shares.iter().map(|share| share.bias[n]).sum()).collect()
 }

@@ -60,21 +60,13 @@ fn value<V: Lanes>(from: &[f32], place: Option<usize>, offset: usize) -> V {
 #[inline(always)]
 fn cell_line<V: Lanes>(places: &[Option<usize>; 3], input: &[f32], offset: usize) -> [V; 3] {
     let [a, b, c] = *places;
-    spread(
-        value(input, a, offset),
-        value(input, b, offset),
-        value(input, c, offset),
-    )
+    spread(value(input, a, offset), value(input, b, offset), value(input, c, offset))
 }
 
 /// Line `i` of the nine products or factors of a tile.
 #[inline(always)]
 fn product_line<V: Lanes>(from: &[f32], plane: usize, i: usize, at: usize) -> [V; 3] {
-    [
-        V::at(from, 3 * i * plane + at),
-        V::at(from, (3 * i + 1) * plane + at),
-        V::at(from, (3 * i + 2) * plane + at),
-    ]
+    [V::at(from, 3 * i * plane + at), V::at(from, (3 * i + 1) * plane + at), V::at(from, (3 * i + 2) * plane + at)]
 }
 
 /// The gradient where ReLU was open.
@@ -89,11 +81,7 @@ fn factors<V: Lanes>(layer: &Layer, frames: usize, input: &[f32], factors: &mut 
     let tiles = frames * layer.tiles();
     let plane = layer.cell_width() * tiles;
     let places: Vec<_> = (0..layer.tiles()).map(|tile| layer.cells(tile)).collect();
-    for (frame, input) in input
-        .chunks_exact(layer.input_len())
-        .take(frames)
-        .enumerate()
-    {
+    for (frame, input) in input.chunks_exact(layer.input_len()).take(frames).enumerate() {
         for (tile, [top, middle, bottom]) in places.iter().enumerate() {
             let row = frame * layer.tiles() + tile;
             for part in (0..layer.cell_width()).step_by(LANES) {
@@ -145,36 +133,16 @@ pub(super) fn forward(
     let mut spread = Buffer::stale(PRODUCTS * tiles * k);
     with_lanes!(instructions, factors(layer, frames, input, &mut spread));
     let mut summed = Buffer::stale(PRODUCTS * tiles * n);
-    products(
-        tiles,
-        [k, n],
-        &spread,
-        &planes.weights,
-        &mut summed,
-        instructions,
-    );
-    with_lanes!(
-        instructions,
-        outputs(layer, frames, &summed, &planes.bias, output)
-    );
+    products(tiles, [k, n], &spread, &planes.weights, &mut summed, instructions);
+    with_lanes!(instructions, outputs(layer, frames, &summed, &planes.bias, output));
 }
 
 #[inline(always)]
-fn outputs<V: Lanes>(
-    layer: &Layer,
-    frames: usize,
-    summed: &[f32],
-    bias: &[f32],
-    output: &mut [f32],
-) {
+fn outputs<V: Lanes>(layer: &Layer, frames: usize, summed: &[f32], bias: &[f32], output: &mut [f32]) {
     let tiles = frames * layer.tiles();
     let plane = tiles * layer.panelled_channels();
     let places: Vec<_> = (0..layer.tiles()).map(|tile| layer.spots(tile)).collect();
-    for (frame, output) in output
-        .chunks_exact_mut(layer.output_len())
-        .take(frames)
-        .enumerate()
-    {
+    for (frame, output) in output.chunks_exact_mut(layer.output_len()).take(frames).enumerate() {
         for (tile, spots) in places.iter().enumerate() {
             let row = frame * layer.tiles() + tile;
             for part in (0..layer.output_stride()).step_by(LANES) {
@@ -184,10 +152,7 @@ fn outputs<V: Lanes>(
                 let middle = gather(product_line::<V>(summed, plane, 1, at));
                 let bottom = gather(product_line::<V>(summed, plane, 2, at));
                 for j in 0..2 {
-                    for (i, value) in gather([top[j], middle[j], bottom[j]])
-                        .into_iter()
-                        .enumerate()
-                    {
+                    for (i, value) in gather([top[j], middle[j], bottom[j]]).into_iter().enumerate() {
                         if let Some(spot) = spots[i][j] {
                             value.plus(bias).positive().put(output, spot + part);
                         }
@@ -216,10 +181,7 @@ pub(super) fn backward(
         summed.fill(0.0);
     }
     let activations = [output, output_gradient];
-    with_lanes!(
-        instructions,
-        output_gradients(layer, frames, activations, &mut summed, &mut sums.bias)
-    );
+    with_lanes!(instructions, output_gradients(layer, frames, activations, &mut summed, &mut sums.bias));
     let mut spread = Buffer::stale(PRODUCTS * tiles * k);
     with_lanes!(instructions, factors(layer, frames, input, &mut spread));
     for index in 0..PRODUCTS {
@@ -233,18 +195,8 @@ pub(super) fn backward(
             }
         }
     }
-    products(
-        tiles,
-        [n, k],
-        &summed,
-        &planes.turned,
-        &mut spread,
-        instructions,
-    );
-    with_lanes!(
-        instructions,
-        input_gradients(layer, frames, &spread, input_gradient)
-    );
+    products(tiles, [n, k], &summed, &planes.turned, &mut spread, instructions);
+    with_lanes!(instructions, input_gradients(layer, frames, &spread, input_gradient));
 }
 
 /// Gradients of the nine products; where ReLU was shut there is none. Adds the bias's.
@@ -259,28 +211,18 @@ fn output_gradients<V: Lanes>(
     let tiles = frames * layer.tiles();
     let plane = tiles * layer.panelled_channels();
     let places: Vec<_> = (0..layer.tiles()).map(|tile| layer.spots(tile)).collect();
-    let pairs = output
-        .chunks_exact(layer.output_len())
-        .zip(gradient.chunks_exact(layer.output_len()));
+    let pairs = output.chunks_exact(layer.output_len()).zip(gradient.chunks_exact(layer.output_len()));
     for (frame, (output, gradient)) in pairs.take(frames).enumerate() {
         for (tile, spots) in places.iter().enumerate() {
             let row = frame * layer.tiles() + tile;
             for part in (0..layer.output_stride()).step_by(LANES) {
-                let top = [
-                    open::<V>(output, gradient, spots[0][0], part),
-                    open(output, gradient, spots[0][1], part),
-                ];
-                let bottom = [
-                    open::<V>(output, gradient, spots[1][0], part),
-                    open(output, gradient, spots[1][1], part),
-                ];
+                let top = [open::<V>(output, gradient, spots[0][0], part), open(output, gradient, spots[0][1], part)];
+                let bottom =
+                    [open::<V>(output, gradient, spots[1][0], part), open(output, gradient, spots[1][1], part)];
                 let sum = top[0].plus(top[1]).plus(bottom[0].plus(bottom[1]));
                 V::at(bias, part).plus(sum).put(bias, part);
                 let at = (part / PANEL * tiles + row) * PANEL + part % PANEL;
-                let (top, bottom) = (
-                    gather_back(top[0], top[1]),
-                    gather_back(bottom[0], bottom[1]),
-                );
+                let (top, bottom) = (gather_back(top[0], top[1]), gather_back(bottom[0], bottom[1]));
                 for j in 0..3 {
                     for (i, value) in gather_back(top[j], bottom[j]).into_iter().enumerate() {
                         value.put(summed, (3 * i + j) * plane + at);
@@ -297,11 +239,7 @@ fn input_gradients<V: Lanes>(layer: &Layer, frames: usize, spread: &[f32], gradi
     let tiles = frames * layer.tiles();
     let plane = tiles * layer.cell_width();
     let places: Vec<_> = (0..layer.tiles()).map(|tile| layer.cells(tile)).collect();
-    for (frame, gradient) in gradient
-        .chunks_exact_mut(layer.input_len())
-        .take(frames)
-        .enumerate()
-    {
+    for (frame, gradient) in gradient.chunks_exact_mut(layer.input_len()).take(frames).enumerate() {
         gradient.fill(0.0);
         for (tile, cells) in places.iter().enumerate() {
             let row = frame * layer.tiles() + tile;
@@ -315,9 +253,7 @@ fn input_gradients<V: Lanes>(layer: &Layer, frames: usize, spread: &[f32], gradi
                     let column = spread_back([top[j], middle[j], bottom[j]]);
                     for (i, value) in column.into_iter().enumerate() {
                         if let Some(cell) = cells[i][j] {
-                            V::at(gradient, cell + offset)
-                                .plus(value)
-                                .put(gradient, cell + offset);
+                            V::at(gradient, cell + offset).plus(value).put(gradient, cell + offset);
                         }
                     }
                 }

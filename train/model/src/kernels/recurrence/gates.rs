@@ -10,15 +10,9 @@ fn exp(x: f32) -> f32 {
     // Rounds to the nearest integer: adding 1.5·2²³ leaves no bits for the fraction.
     let n = (x * std::f32::consts::LOG2_E + 12_582_912.0) - 12_582_912.0;
     let r = (x - n * 0.693_359_375) + n * 2.121_944_4e-4;
-    let p = [
-        1.398_199_9e-3,
-        8.333_452e-3,
-        4.166_579_6e-2,
-        1.666_666_5e-1,
-        5.0e-1,
-    ]
-    .iter()
-    .fold(1.987_569_1e-4, |p: f32, c| p * r + c);
+    let p = [1.398_199_9e-3, 8.333_452e-3, 4.166_579_6e-2, 1.666_666_5e-1, 5.0e-1]
+        .iter()
+        .fold(1.987_569_1e-4, |p: f32, c| p * r + c);
     let power = f32::from_bits(((n as i32 + 127) << 23) as u32);
     (p * r * r + r + 1.0) * power
 }
@@ -47,21 +41,11 @@ mod tests {
         for i in -4000..=4000 {
             let x = i as f32 / 100.0;
             let wide = f64::from(x);
-            let close = |found: f32, exact: f64| {
-                (f64::from(found) - exact).abs() <= 4e-7 * exact.abs() + 1e-37
-            };
+            let close = |found: f32, exact: f64| (f64::from(found) - exact).abs() <= 4e-7 * exact.abs() + 1e-37;
             assert!(close(exp(x), wide.exp()), "exp {x}");
-            assert!(
-                close(logistic(x), 1.0 / (1.0 + (-wide).exp())),
-                "logistic {x}"
-            );
+            assert!(close(logistic(x), 1.0 / (1.0 + (-wide).exp())), "logistic {x}");
             assert!((f64::from(tanh(x)) - wide.tanh()).abs() <= 4e-7, "tanh {x}");
         }
-        assert!(
-            logistic(-1e4) >= 0.0
-                && logistic(1e4) <= 1.0
-                && tanh(-1e4) >= -1.0
-                && tanh(f32::NAN).is_nan()
-        );
+        assert!(logistic(-1e4) >= 0.0 && logistic(1e4) <= 1.0 && tanh(-1e4) >= -1.0 && tanh(f32::NAN).is_nan());
     }
 }

@@ -53,87 +53,35 @@ pub(super) fn gru(
         bias.dims(),
         initial.dims()
     );
-    let sizes = Sizes {
-        length,
-        batch,
-        hidden,
-    };
+    let sizes = Sizes { length, batch, hidden };
     let keep = match keep {
         Some(keep) => {
             assert_eq!(keep.dims(), [length, batch], "keep is [length, batch]");
-            let keep = if keep.device().is_autodiff() {
-                keep.inner()
-            } else {
-                keep
-            };
+            let keep = if keep.device().is_autodiff() { keep.inner() } else { keep };
             Some(flex::unfollowed(keep)?)
         }
         None => None,
     };
-    let devices = [
-        gates.device(),
-        weight.device(),
-        bias.device(),
-        initial.device(),
-    ];
+    let devices = [gates.device(), weight.device(), bias.device(), initial.device()];
     if devices.iter().any(burn::tensor::Device::is_autodiff) {
-        let tensors = [
-            flex::followed(gates)?,
-            flex::followed(weight)?,
-            flex::followed(bias)?,
-            flex::followed(initial)?,
-        ];
-        return Some(Tensor::from_primitive::<Autodiff<Flex>>(record(
-            sizes,
-            tensors,
-            keep,
-            instructions,
-        )));
+        let tensors =
+            [flex::followed(gates)?, flex::followed(weight)?, flex::followed(bias)?, flex::followed(initial)?];
+        return Some(Tensor::from_primitive::<Autodiff<Flex>>(record(sizes, tensors, keep, instructions)));
     }
-    let tensors = [
-        flex::unfollowed(gates)?,
-        flex::unfollowed(weight)?,
-        flex::unfollowed(bias)?,
-        flex::unfollowed(initial)?,
-    ];
-    let (states, _) = Input {
-        sizes,
-        tensors,
-        keep,
-        instructions,
-    }
-    .forward();
+    let tensors =
+        [flex::unfollowed(gates)?, flex::unfollowed(weight)?, flex::unfollowed(bias)?, flex::unfollowed(initial)?];
+    let (states, _) = Input { sizes, tensors, keep, instructions }.forward();
     Some(Tensor::from_primitive::<Flex>(states))
 }
 
 /// Runs forward and records the backward step.
-fn record(
-    sizes: Sizes,
-    tensors: [Followed; 4],
-    keep: Option<FlexTensor>,
-    instructions: Instructions,
-) -> Followed {
+fn record(sizes: Sizes, tensors: [Followed; 4], keep: Option<FlexTensor>, instructions: Instructions) -> Followed {
     let nodes = tensors.each_ref().map(Followed::node);
     let tensors = tensors.map(|tensor| tensor.into_primitive().to_contiguous());
-    let input = Input {
-        sizes,
-        tensors,
-        keep,
-        instructions,
-    };
+    let input = Input { sizes, tensors, keep, instructions };
     let (states, lanes) = input.forward();
-    match Gru
-        .prepare::<NoCheckpointing>(nodes)
-        .compute_bound()
-        .stateful()
-    {
-        OpsKind::Tracked(prepared) => prepared.finish(
-            Kept {
-                input,
-                lanes: Arc::new(lanes),
-            },
-            states,
-        ),
+    match Gru.prepare::<NoCheckpointing>(nodes).compute_bound().stateful() {
+        OpsKind::Tracked(prepared) => prepared.finish(Kept { input, lanes: Arc::new(lanes) }, states),
         OpsKind::UnTracked(prepared) => prepared.finish(states),
     }
 }
@@ -141,21 +89,11 @@ fn record(
 impl Input {
     fn inputs(&self) -> Inputs<'_> {
         let [gates, weight, bias, initial] = self.tensors.each_ref().map(flex::numbers);
-        Inputs {
-            gates,
-            weight,
-            bias,
-            initial,
-            keep: self.keep.as_ref().map(flex::numbers),
-        }
+        Inputs { gates, weight, bias, initial, keep: self.keep.as_ref().map(flex::numbers) }
     }
 
     fn forward(&self) -> (FlexTensor, Vec<Lane>) {
-        let Sizes {
-            length,
-            batch,
-            hidden,
-        } = self.sizes;
+        let Sizes { length, batch, hidden } = self.sizes;
         let (states, lanes) = sequence::forward(self.sizes, self.inputs(), self.instructions);
         (flex::tensor(states, [length, batch, hidden]), lanes)
     }
@@ -171,21 +109,13 @@ impl Backward<Flex, 4> for Gru {
     fn backward(self, ops: Ops<Kept, 4>, gradients: &mut grads::Gradients, _: &mut Checkpointer) {
         let Kept { input, lanes } = ops.state;
         let states = gradients.consume::<Flex>(&ops.node).to_contiguous();
-        let found = sequence::backward(
-            input.sizes,
-            input.inputs(),
-            &lanes,
-            flex::numbers(&states),
-            input.instructions,
-        );
+        let found = sequence::backward(input.sizes, input.inputs(), &lanes, flex::numbers(&states), input.instructions);
         let found = [found.gates, found.weight, found.bias, found.initial];
         for ((parent, tensor), found) in ops.parents.iter().zip(&input.tensors).zip(found) {
             if let Some(parent) = parent {
                 let shape = tensor.layout().shape().clone();
-                gradients.register::<Flex>(
-                    parent.id,
-                    flex::tensor(found, [tensor.layout().num_elements()]).reshape(shape),
-                );
+                gradients
+                    .register::<Flex>(parent.id, flex::tensor(found, [tensor.layout().num_elements()]).reshape(shape));
             }
         }
     }

@@ -53,10 +53,7 @@ impl Sizes {
 
     /// First sequence and number of sequences of each lane.
     fn lanes(self) -> Vec<[usize; 2]> {
-        (0..self.batch)
-            .step_by(ROWS)
-            .map(|first| [first, ROWS.min(self.batch - first)])
-            .collect()
+        (0..self.batch).step_by(ROWS).map(|first| [first, ROWS.min(self.batch - first)]).collect()
     }
 }
 
@@ -80,7 +77,7 @@ pub(super) struct Lane {
     reset: Buffer,
     update: Buffer,
     candidate: Buffer,
-    /// The recurrent share of the candidate, h·W_n + b_n.
+    /// The recurrent share of the candidate, `h·W_n + b_n`.
     inner: Buffer,
     after: Buffer,
 }
@@ -111,17 +108,10 @@ fn panel(from: &[f32], at: usize) -> Vector {
 }
 
 /// All hidden states `[length, batch, hidden]`, and the lanes for [`backward`].
-pub(super) fn forward(
-    sizes: Sizes,
-    inputs: Inputs<'_>,
-    instructions: Instructions,
-) -> (Vec<f32>, Vec<Lane>) {
+pub(super) fn forward(sizes: Sizes, inputs: Inputs<'_>, instructions: Instructions) -> (Vec<f32>, Vec<Lane>) {
     let weights = packed(sizes, inputs.weight);
-    let lanes: Vec<Lane> = sizes
-        .lanes()
-        .into_par_iter()
-        .map(|lane| run_lane(sizes, inputs, &weights, lane, instructions))
-        .collect();
+    let lanes: Vec<Lane> =
+        sizes.lanes().into_par_iter().map(|lane| run_lane(sizes, inputs, &weights, lane, instructions)).collect();
     let mut states = vec![0.0; sizes.length * sizes.batch * sizes.hidden];
     for lane in &lanes {
         for_each_panel(sizes, lane, |t, row, panel, at| {
@@ -152,20 +142,13 @@ fn place(sizes: Sizes, rows: usize, t: usize, row: usize, panel: usize) -> usize
 fn packed(sizes: Sizes, weight: &[f32]) -> Buffer {
     let plane = sizes.padded() * PANEL;
     let mut packed = Buffer::zeros(3 * sizes.panels() * plane);
-    packed
-        .par_chunks_exact_mut(plane)
-        .enumerate()
-        .for_each(|(index, packed)| {
-            let (gate, panel) = (index / sizes.panels(), index % sizes.panels());
-            for (packed, weight) in packed
-                .chunks_exact_mut(PANEL)
-                .zip(weight.chunks_exact(3 * sizes.hidden))
-            {
-                let start = gate * sizes.hidden + panel * PANEL;
-                packed[..sizes.width(panel)]
-                    .copy_from_slice(&weight[start..start + sizes.width(panel)]);
-            }
-        });
+    packed.par_chunks_exact_mut(plane).enumerate().for_each(|(index, packed)| {
+        let (gate, panel) = (index / sizes.panels(), index % sizes.panels());
+        for (packed, weight) in packed.chunks_exact_mut(PANEL).zip(weight.chunks_exact(3 * sizes.hidden)) {
+            let start = gate * sizes.hidden + panel * PANEL;
+            packed[..sizes.width(panel)].copy_from_slice(&weight[start..start + sizes.width(panel)]);
+        }
+    });
     packed
 }
 
@@ -173,20 +156,16 @@ fn packed(sizes: Sizes, weight: &[f32]) -> Buffer {
 fn packed_turned(sizes: Sizes, weight: &[f32]) -> Buffer {
     let plane = 3 * sizes.padded() * PANEL;
     let mut packed = Buffer::zeros(sizes.panels() * plane);
-    packed
-        .par_chunks_exact_mut(plane)
-        .enumerate()
-        .for_each(|(panel, packed)| {
-            for lane in 0..sizes.width(panel) {
-                let weight = &weight[(panel * PANEL + lane) * 3 * sizes.hidden..];
-                for gate in 0..3 {
-                    for n in 0..sizes.hidden {
-                        packed[(gate * sizes.padded() + n) * PANEL + lane] =
-                            weight[gate * sizes.hidden + n];
-                    }
+    packed.par_chunks_exact_mut(plane).enumerate().for_each(|(panel, packed)| {
+        for lane in 0..sizes.width(panel) {
+            let weight = &weight[(panel * PANEL + lane) * 3 * sizes.hidden..];
+            for gate in 0..3 {
+                for n in 0..sizes.hidden {
+                    packed[(gate * sizes.padded() + n) * PANEL + lane] = weight[gate * sizes.hidden + n];
                 }
             }
-        });
+        }
+    });
     packed
 }
 
@@ -217,9 +196,7 @@ fn run_lane(
             outer_step: sizes.length * rows * PANEL,
             inner: PANEL,
         };
-        for (weights, share) in weights
-            .chunks_exact(sizes.padded() * PANEL)
-            .zip(shares.chunks_exact_mut(rows * PANEL))
+        for (weights, share) in weights.chunks_exact(sizes.padded() * PANEL).zip(shares.chunks_exact_mut(rows * PANEL))
         {
             before.times(weights, rows, share, false, instructions);
         }
@@ -234,9 +211,7 @@ fn run_lane(
 /// The state before step `t`: the one after the last step, or nothing where an episode starts.
 fn enter_step(sizes: Sizes, inputs: Inputs<'_>, lane: &mut Lane, t: usize) {
     for row in 0..lane.rows {
-        let keep = inputs
-            .keep
-            .map_or(1.0, |keep| keep[t * sizes.batch + lane.first + row]);
+        let keep = inputs.keep.map_or(1.0, |keep| keep[t * sizes.batch + lane.first + row]);
         for panel in 0..sizes.panels() {
             let last = match t {
                 0 => padded(&inputs.initial[sizes.state(0, lane.first + row, panel)]),
@@ -257,18 +232,13 @@ fn step(sizes: Sizes, inputs: Inputs<'_>, shares: &[f32], lane: &mut Lane, t: us
     for row in 0..lane.rows {
         for panel in 0..sizes.panels() {
             let at = place(sizes, lane.rows, t, row, panel);
-            let given = [0, 1, 2]
-                .map(|gate| padded(&inputs.gates[sizes.gate(t, lane.first + row, gate, panel)]));
+            let given = [0, 1, 2].map(|gate| padded(&inputs.gates[sizes.gate(t, lane.first + row, gate, panel)]));
             let bias = [0, 1, 2].map(|gate| {
                 let start = gate * sizes.hidden + panel * PANEL;
                 padded(&inputs.bias[start..start + sizes.width(panel)])
             });
-            let share = [0, 1, 2].map(|gate| {
-                self::panel(
-                    shares,
-                    ((gate * sizes.panels() + panel) * lane.rows + row) * PANEL,
-                )
-            });
+            let share =
+                [0, 1, 2].map(|gate| self::panel(shares, ((gate * sizes.panels() + panel) * lane.rows + row) * PANEL));
             let before = self::panel(&lane.before, at);
             let mut made = [[0.0; PANEL]; 5];
             for i in 0..PANEL {
@@ -282,13 +252,7 @@ fn step(sizes: Sizes, inputs: Inputs<'_>, shares: &[f32], lane: &mut Lane, t: us
                 made[3][i] = candidate;
                 made[4][i] = candidate + update * (before[i] - candidate);
             }
-            let places = [
-                &mut lane.reset,
-                &mut lane.update,
-                &mut lane.inner,
-                &mut lane.candidate,
-                &mut lane.after,
-            ];
+            let places = [&mut lane.reset, &mut lane.update, &mut lane.inner, &mut lane.candidate, &mut lane.after];
             for (place, made) in places.into_iter().zip(&made) {
                 place[at..at + PANEL].copy_from_slice(made);
             }
@@ -305,10 +269,8 @@ pub(super) fn backward(
     instructions: Instructions,
 ) -> Gradients {
     let weights = packed_turned(sizes, inputs.weight);
-    let found: Vec<LaneGradients> = lanes
-        .par_iter()
-        .map(|lane| unroll_lane(sizes, inputs.keep, &weights, lane, states, instructions))
-        .collect();
+    let found: Vec<LaneGradients> =
+        lanes.par_iter().map(|lane| unroll_lane(sizes, inputs.keep, &weights, lane, states, instructions)).collect();
     let mut gradients = Gradients {
         gates: vec![0.0; inputs.gates.len()],
         weight: weight_gradient(sizes, lanes, &found, instructions),
@@ -355,16 +317,12 @@ fn unroll_lane(
             outer_step: sizes.length * rows * PANEL,
             inner: PANEL,
         };
-        let panels = weights
-            .chunks_exact(3 * sizes.padded() * PANEL)
-            .zip(found.initial.chunks_exact_mut(rows * PANEL));
+        let panels = weights.chunks_exact(3 * sizes.padded() * PANEL).zip(found.initial.chunks_exact_mut(rows * PANEL));
         for (weights, carried) in panels {
             shares.times(weights, rows, carried, true, instructions);
             for (row, carried) in carried.chunks_exact_mut(PANEL).enumerate() {
                 let keep = keep.map_or(1.0, |keep| keep[t * sizes.batch + lane.first + row]);
-                carried
-                    .iter_mut()
-                    .for_each(|carried| *carried = if keep == 0.0 { 0.0 } else { keep * *carried });
+                carried.iter_mut().for_each(|carried| *carried = if keep == 0.0 { 0.0 } else { keep * *carried });
             }
         }
     }
@@ -380,15 +338,8 @@ fn unstep(sizes: Sizes, lane: &Lane, states: &[f32], found: &mut LaneGradients, 
         for panel in 0..sizes.panels() {
             let at = place(sizes, lane.rows, t, row, panel);
             let arriving = padded(&states[sizes.state(t, lane.first + row, panel)]);
-            let values = [
-                &lane.before,
-                &lane.reset,
-                &lane.update,
-                &lane.candidate,
-                &lane.inner,
-            ];
-            let [before, reset, update, candidate, inner] =
-                values.map(|values| self::panel(values, at));
+            let values = [&lane.before, &lane.reset, &lane.update, &lane.candidate, &lane.inner];
+            let [before, reset, update, candidate, inner] = values.map(|values| self::panel(values, at));
             let carried_at = (panel * lane.rows + row) * PANEL;
             let carried = &mut found.initial[carried_at..carried_at + PANEL];
             let mut made = [[0.0; PANEL]; 4];
@@ -401,21 +352,17 @@ fn unstep(sizes: Sizes, lane: &Lane, states: &[f32], found: &mut LaneGradients, 
                 made[3][i] = d_candidate;
                 carried[i] = state * update[i];
             }
-            for gate in 0..3 {
-                found.shares[gate * whole + at..][..PANEL].copy_from_slice(&made[gate]);
+            let [reset, update, inner, candidate] = made;
+            for (gate, made) in [reset, update, inner].iter().enumerate() {
+                found.shares[gate * whole + at..][..PANEL].copy_from_slice(made);
             }
-            found.candidate[at..at + PANEL].copy_from_slice(&made[3]);
+            found.candidate[at..at + PANEL].copy_from_slice(&candidate);
         }
     }
 }
 
 /// `[hidden, 3·hidden]`: states before each step, turned round, times gradients of their shares.
-fn weight_gradient(
-    sizes: Sizes,
-    lanes: &[Lane],
-    found: &[LaneGradients],
-    instructions: Instructions,
-) -> Vec<f32> {
+fn weight_gradient(sizes: Sizes, lanes: &[Lane], found: &[LaneGradients], instructions: Instructions) -> Vec<f32> {
     let columns: Vec<Buffer> = (0..3 * sizes.panels())
         .into_par_iter()
         .map(|column| {
@@ -423,11 +370,7 @@ fn weight_gradient(
             for (lane, found) in lanes.iter().zip(found) {
                 let rows = sizes.length * lane.rows;
                 let shares = &found.shares[column * rows * PANEL..][..rows * PANEL];
-                for (before, sums) in lane
-                    .before
-                    .chunks_exact(rows * PANEL)
-                    .zip(sums.chunks_exact_mut(PANEL * PANEL))
-                {
+                for (before, sums) in lane.before.chunks_exact(rows * PANEL).zip(sums.chunks_exact_mut(PANEL * PANEL)) {
                     Left::turned(before, rows).times(shares, PANEL, sums, true, instructions);
                 }
             }
@@ -453,16 +396,10 @@ fn collect(sizes: Sizes, lane: &Lane, found: &LaneGradients, into: &mut Gradient
         let width = sizes.width(panel);
         for gate in 0..3 {
             let share = &found.shares[gate * whole + at..][..width];
-            let given = if gate == 2 {
-                &found.candidate[at..at + width]
-            } else {
-                share
-            };
+            let given = if gate == 2 { &found.candidate[at..at + width] } else { share };
             into.gates[sizes.gate(t, lane.first + row, gate, panel)].copy_from_slice(given);
             let bias = &mut into.bias[gate * sizes.hidden + panel * PANEL..][..width];
-            bias.iter_mut()
-                .zip(share)
-                .for_each(|(bias, share)| *bias += share);
+            bias.iter_mut().zip(share).for_each(|(bias, share)| *bias += share);
         }
         if t == 0 {
             let carried = &found.initial[(panel * lane.rows + row) * PANEL..][..width];
