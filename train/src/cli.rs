@@ -14,6 +14,7 @@ use vibes_train::TrainError;
 mod bench;
 mod device;
 mod encode;
+mod evaluate;
 mod flags;
 mod info;
 mod offline;
@@ -52,6 +53,8 @@ enum Command {
     Offline(offline::OfflineArgs),
     /// Write the latents of a recording (posterior means of every row).
     Encode(encode::EncodeArgs),
+    /// Measure how good a run's latents are, on a held-out grid.
+    Evaluate(evaluate::EvaluateArgs),
     /// Say what a run holds and how far it got.
     Info(info::InfoArgs),
     /// Measure how long an update takes, by part.
@@ -64,6 +67,7 @@ pub(crate) fn run() -> ExitCode {
     let outcome = match cli.command {
         Command::Offline(args) => offline::run(&cli.context, args),
         Command::Encode(args) => encode::run(&cli.context, &args),
+        Command::Evaluate(args) => evaluate::run(&cli.context, &args),
         Command::Info(args) => info::run(&cli.context, &args),
         Command::Bench(args) => bench::run(&cli.context, &args),
     };

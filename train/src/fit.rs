@@ -7,11 +7,13 @@ use std::time::{Duration, Instant};
 use burn::tensor::Device;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
 use vibes_data::{Recording, Spec};
 use vibes_model::{Model, ObservationKind};
 
 use crate::batch::Batch;
 use crate::error::{Result, TrainError};
+use crate::evaluate::{Report, evaluate};
 use crate::metrics::{Averages, MetricsFile, Row};
 use crate::options::{Observations, Options};
 use crate::run::{FORMAT, Run, RunInfo, State, versions};
@@ -35,11 +37,22 @@ pub enum Event<'a> {
     },
     /// A line of metrics was written.
     Metrics(&'a Row),
+    /// The latents were evaluated on the held-out grid.
+    Evaluated(&'a Report),
     /// A checkpoint was saved.
     Saved {
         /// Updates made.
         update: u64,
     },
+}
+
+/// A held-out grid to look at while training.
+#[derive(Debug)]
+pub struct HeldOut {
+    /// The grid.
+    pub grid: Recording,
+    /// Updates between evaluations.
+    pub every: u64,
 }
 
 /// Whether to go on after an event.
@@ -101,6 +114,7 @@ pub fn fit(
     run: &Run,
     recordings: &[Recording],
     device: &Device,
+    held_out: Option<&HeldOut>,
     listen: &mut dyn FnMut(Event<'_>) -> Go,
 ) -> Result<End> {
     let options = &run.info().options;
@@ -117,9 +131,20 @@ pub fn fit(
     }
     listen(Event::Start { update: state.update });
     let metrics = MetricsFile::open(&run.metrics_path(), state.update)?;
+    let evaluations = held_out.map(|_| MetricsFile::open(&run.evaluations_path(), state.update)).transpose()?;
     std::thread::scope(|scope| {
         let batches = Prefetch::start(scope, &windows, options.seed, state.update..options.updates);
-        let mut training = Training { run, options, device, batches, metrics, averages: Averages::default(), state };
+        let mut training = Training {
+            run,
+            options,
+            device,
+            batches,
+            metrics,
+            held_out,
+            evaluations,
+            averages: Averages::default(),
+            state,
+        };
         training.run(learner, listen)
     })
 }
@@ -130,6 +155,8 @@ struct Training<'a> {
     device: &'a Device,
     batches: Prefetch,
     metrics: MetricsFile,
+    held_out: Option<&'a HeldOut>,
+    evaluations: Option<MetricsFile>,
     averages: Averages,
     state: State,
 }
@@ -146,6 +173,7 @@ impl Training<'_> {
                 self.metrics.append(&row)?;
                 go = listen(Event::Metrics(&row));
             }
+            self.evaluate(&learner, end.is_some(), listen)?;
             let end = end.or_else(|| self.end(go));
             if update.is_multiple_of(self.options.checkpoint_every) || end.is_some() {
                 self.state.optimizer_steps = learner.optimizer.steps();
@@ -181,6 +209,17 @@ impl Training<'_> {
         Ok(learner)
     }
 
+    /// Every so often, and at the end; its time is not counted as training.
+    fn evaluate(&mut self, learner: &Learner, last: bool, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<()> {
+        let (Some(held_out), Some(file)) = (self.held_out, &mut self.evaluations) else { return Ok(()) };
+        if last || self.state.update.is_multiple_of(held_out.every.max(1)) {
+            let report = evaluate(&learner.model, &held_out.grid, self.device)?;
+            file.append(&Evaluation { update: self.state.update, report: &report })?;
+            listen(Event::Evaluated(&report));
+        }
+        Ok(())
+    }
+
     /// Never saves a model whose last step overflowed: it would take the place of the last good checkpoint.
     fn check_weights(&self, learner: &Learner) -> Result<()> {
         match learner.model.first_not_finite() {
@@ -203,6 +242,14 @@ impl Training<'_> {
             (go == Go::Stop).then_some(End::Stopped)
         }
     }
+}
+
+/// A line of `evaluations.jsonl`.
+#[derive(Serialize)]
+struct Evaluation<'a> {
+    update: u64,
+    #[serde(flatten)]
+    report: &'a Report,
 }
 
 fn first_learner(run: &Run, device: &Device) -> Result<Learner> {

@@ -9,12 +9,14 @@
 //! | [`fit`] | the one loop |
 //! | [`run`], [`metrics`], [`spectrum`] | the run folder, its numbers over time |
 //! | [`encode`] | a trained run's latents of a recording |
+//! | [`evaluate`] | how good the latents are, on a held-out grid |
 //! | [`bench`] | how long an update takes |
 
 pub mod batch;
 pub mod bench;
 pub mod encode;
 pub mod error;
+pub mod evaluate;
 pub mod fit;
 pub mod metrics;
 pub mod objective;

@@ -4,6 +4,7 @@
 //! run.json                          options, model, recordings, versions
 //! config.toml                       the options alone; `--config` reads it
 //! metrics.jsonl                     one line every few updates
+//! evaluations.jsonl                 with `--eval`: one line every few updates
 //! checkpoints/000500/
 //!     model.safetensors             weights, with the model's configuration in the metadata
 //!     optimizer.safetensors         Adam's moments
@@ -134,6 +135,11 @@ impl Run {
     /// The metrics.
     pub fn metrics_path(&self) -> PathBuf {
         self.path.join("metrics.jsonl")
+    }
+
+    /// The evaluations made while training.
+    pub fn evaluations_path(&self) -> PathBuf {
+        self.path.join("evaluations.jsonl")
     }
 
     /// Every checkpoint's number of updates, ascending.

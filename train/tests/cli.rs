@@ -126,3 +126,26 @@ fn damaged_and_missing_runs_are_told_apart() {
     assert_eq!(output.status.code(), Some(1));
     assert!(errors(&output).contains("not a checkpoint"), "{}", errors(&output));
 }
+
+#[test]
+fn evaluate_on_a_grid_while_training_and_after() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 20, false);
+    synthetic::recording(&folder.path().join("grid"), synthetic::SIDE, 6, 20, true);
+    let options = ["--preset", "tiny", "--updates", "4", "-o", "run", "--eval-every", "2"];
+    assert_done(&vibes_train(folder.path(), &[&["offline", "coins", "--eval", "grid"][..], &options[..]].concat()));
+    let lines = std::fs::read_to_string(folder.path().join("run/evaluations.jsonl")).unwrap();
+    assert_eq!(lines.lines().count(), 2);
+    let output = vibes_train(folder.path(), &["evaluate", "run", "grid", "--gap-updates", "3", "--json"]);
+    assert_done(&output);
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let names: Vec<&str> =
+        found["report"]["probes"].as_array().unwrap().iter().map(|probe| probe["name"].as_str().unwrap()).collect();
+    assert!(names.contains(&"coin[0]"), "{names:?}");
+    let gap = |name: &str| found["gaps"][name].as_f64().unwrap();
+    assert!((gap("dynamics_gap") - (gap("dynamics_of_critic") - gap("dynamics"))).abs() < 1e-9);
+    // A recording that is no grid cannot be evaluated on.
+    let output = vibes_train(folder.path(), &["evaluate", "run", "coins"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(errors(&output).contains("full grid"), "{}", errors(&output));
+}

@@ -21,7 +21,7 @@ fn options(text: &str) -> Options {
 
 fn train(path: &Path, recordings: &[Recording], options: &Options) -> vibes_train::Result<End> {
     let run = prepare(path, recordings, options)?;
-    fit(&run, recordings, &Device::flex(), &mut |_| Go::On)
+    fit(&run, recordings, &Device::flex(), None, &mut |_| Go::On)
 }
 
 /// Mean reward log-likelihood over the last quarter of a run.
@@ -77,7 +77,7 @@ fn stopping_and_going_on_gives_the_same_bytes_as_never_stopping() {
                 Event::Update { update, .. } if update == stop_at => Go::Stop,
                 _ => Go::On,
             };
-            fit(&run, &recordings, &Device::flex(), listen).unwrap();
+            fit(&run, &recordings, &Device::flex(), None, listen).unwrap();
         }
         for file in ["model.safetensors", "optimizer.safetensors"] {
             let read = |run: &Path| fs::read(run.join("checkpoints/000007").join(file)).unwrap();

@@ -45,7 +45,16 @@ impl Adversary {
     /// - `latents`: `[length, batch, latent]`, `actions`: `[length, batch, A]`, taken there
     /// - output: step `t` is the prediction of latent `t + 1`
     pub fn forward(&self, features: Tensor<3>, latents: Tensor<3>, actions: Tensor<3>) -> Gaussian {
-        let states = self.gru.forward(Tensor::cat(vec![features, latents, actions], 2), None);
+        self.predict(self.states(features, latents, actions))
+    }
+
+    /// The hidden state after each step, which has seen the observation, the latent and the action there: `[length, batch, hidden]`.
+    pub fn states(&self, features: Tensor<3>, latents: Tensor<3>, actions: Tensor<3>) -> Tensor<3> {
+        self.gru.forward(Tensor::cat(vec![features, latents, actions], 2), None)
+    }
+
+    /// The prediction made from hidden states.
+    pub fn predict(&self, states: Tensor<3>) -> Gaussian {
         Gaussian::unit_mean(self.head.forward(states), self.floor)
     }
 }

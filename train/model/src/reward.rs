@@ -29,7 +29,15 @@ impl Reward {
     /// - output: mean and standard deviation, both `[length, batch, 1]`
     pub fn forward(&self, latents: Tensor<3>, actions: Tensor<3>) -> Gaussian {
         let output = self.head.forward(Tensor::cat(vec![latents, actions], 2));
-        let std = softplus(output.clone().narrow(2, 1, 1), 1.0) + self.floor;
-        Gaussian { mean: output.narrow(2, 0, 1), std }
+        gaussian(output, self.floor)
     }
+}
+
+/// A network's two outputs as mean and standard deviation above `floor`.
+///
+/// # Shapes
+/// - `output`: `[length, batch, 2]`
+pub fn gaussian(output: Tensor<3>, floor: f32) -> Gaussian {
+    let std = softplus(output.clone().narrow(2, 1, 1), 1.0) + floor;
+    Gaussian { mean: output.narrow(2, 0, 1), std }
 }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::{Context as _, Result};
 use clap::Args;
 use vibes_data::Recording;
-use vibes_train::fit::{End, Go, fit, prepare};
+use vibes_train::fit::{End, Go, HeldOut, fit, prepare};
 use vibes_train::options::Options;
 use vibes_train::run::Run;
 
@@ -23,6 +23,12 @@ pub(crate) struct OfflineArgs {
     /// The run folder [default: runs/<recording>-<objective>].
     #[arg(short, long, value_name = "RUN")]
     output: Option<PathBuf>,
+    /// A held-out grid to evaluate the latents on while training.
+    #[arg(long, value_name = "GRID")]
+    eval: Option<PathBuf>,
+    /// Updates between evaluations.
+    #[arg(long, default_value_t = 2000, value_name = "N", requires = "eval")]
+    eval_every: u64,
     #[command(flatten)]
     options: OptionArgs,
 }
@@ -31,12 +37,14 @@ pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<()> {
     let options = args.options.resolve()?;
     let recordings = args.recordings.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>()?;
     let output = args.output.unwrap_or_else(|| default_run(&args.recordings[0], options.objective.name()));
+    let held_out = args.eval.as_ref().map(|path| Recording::open(path)).transpose()?;
+    let held_out = held_out.map(|grid| HeldOut { grid, every: args.eval_every });
     let device = context.device.open()?;
     let run = prepare(&output, &recordings, &options)?;
     let stop = stop_on_interrupt()?;
     let mut progress = Progress::new(context, &options);
     progress.describe(&run);
-    let end = fit(&run, &recordings, &device, &mut |event| {
+    let end = fit(&run, &recordings, &device, held_out.as_ref(), &mut |event| {
         progress.show(&event);
         if stop.load(Ordering::Relaxed) { Go::Stop } else { Go::On }
     })?;

@@ -60,6 +60,10 @@ impl Progress {
             Event::Start { update } => self.say(&format!("going on after {update} updates")),
             Event::Update { update, seconds } => self.move_bar(*update, *seconds),
             Event::Metrics(row) => self.metrics(row),
+            Event::Evaluated(report) => self.say(&format!(
+                "held-out grid: retrieval@1 {:.2}, variance shares state {:.2}, distractor {:.2}, interaction {:.2}",
+                report.retrieval_at_1, report.shares.state, report.shares.distractor, report.shares.interaction
+            )),
             Event::Saved { update } if self.verbose => self.say(&format!("saved checkpoint {update}")),
             Event::Saved { .. } => {}
         }
