@@ -86,7 +86,7 @@ pub fn evaluate(model: &Model, grid: &Recording, device: &Device) -> Result<Repo
     let cells = open_cells(grid)?;
     let latents = encode_grid(model, &cells, device)?;
     let actions = cells.table(model.config.actions() * targets::ACTION_FEATURES, |view, row, out| {
-        targets::action_features(view, row, out)
+        targets::action_features(view, row, out);
     });
     let (retrieval_at_1, retrieval_at_1_chance) = retrieval::at_1(&latents);
     Ok(Report {

@@ -39,9 +39,9 @@ pub struct Options {
     /// First rows of a window that begins in mid-episode which only warm up the hidden states: they start from zeros with the true previous action, see
     /// all observations, and carry no term of the objective. Windows that begin with their episode count whole.
     pub burn_in: usize,
-    /// Adam's step size for the world model (η_θ = η_φ).
+    /// Adam's step size for the world model (`η_θ = η_φ`).
     pub lr: f64,
-    /// Adam's step size for the adversary (η_ψ, above η_φ).
+    /// Adam's step size for the adversary (`η_ψ`, above `η_φ`).
     pub adversary_lr: f64,
     /// Adam's ε.
     pub adam_epsilon: f64,
@@ -79,8 +79,11 @@ pub struct Options {
     pub keep: usize,
 }
 
+/// Makes a preset's options.
+pub type Preset = fn() -> Options;
+
 /// The presets, by name.
-pub const PRESETS: [(&str, fn() -> Options); 4] = [("tiny", tiny), ("small", small), ("base", base), ("paper", paper)];
+pub const PRESETS: [(&str, Preset); 4] = [("tiny", tiny), ("small", small), ("base", base), ("paper", paper)];
 
 /// For a CPU: what learned fastest per hour in the first trials.
 pub fn small() -> Options {

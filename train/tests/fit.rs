@@ -1,4 +1,5 @@
 //! The loop on made-up recordings: that it learns what can be learned, that it goes on exactly where it stopped, and that it refuses what does not fit.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod synthetic;
 

@@ -1,4 +1,4 @@
-//! The picture network: up to four 4×4 convolutions with stride 2 (channels depth, 2·depth, 4·depth, 8·depth), ReLU after each, a linear layer and a
+//! The picture network: up to four 4×4 convolutions with stride 2 (channels depth, 2·depth, 4·depth, 8·depth), `ReLU` after each, a linear layer and a
 //! layer norm. At 64×64 its sizes are 31, 14, 6, 2.
 
 use burn::module::{Module, Param};
@@ -27,7 +27,7 @@ pub struct CnnConfig {
     pub output: usize,
 }
 
-/// A 4×4 convolution with stride 2 and its ReLU.
+/// A 4×4 convolution with stride 2 and its `ReLU`.
 #[derive(Module, Debug)]
 pub struct ConvLayer {
     /// `[out, in, 4, 4]`

@@ -1,4 +1,5 @@
 //! The networks' shapes and laws: unit norms, the GRU against its formula step by step, what the adversary may see, and checkpoints.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use burn::module::Module;
 use burn::tensor::{Device, Int, Tensor, TensorData};

@@ -63,7 +63,7 @@ fn report(context: &Context, run: &Run, options: &Options, end: End) -> Result<(
     } else if !context.quiet {
         match end {
             End::Nothing => {
-                println!("{path} has its {made} updates already; ask for more with --updates N or --minutes M")
+                println!("{path} has its {made} updates already; ask for more with --updates N or --minutes M");
             }
             End::Updates => println!("{made} updates made; next: vibes-train encode {path} RECORDING"),
             End::Minutes => println!(
@@ -71,7 +71,7 @@ fn report(context: &Context, run: &Run, options: &Options, end: End) -> Result<(
                 options.minutes
             ),
             End::Stopped => {
-                println!("stopped and saved after {made} updates; the same command goes on from there: {path}")
+                println!("stopped and saved after {made} updates; the same command goes on from there: {path}");
             }
         }
     }

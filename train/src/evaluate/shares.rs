@@ -25,35 +25,55 @@ pub struct Shares {
 
 /// Splits the variance of a grid's latents.
 pub fn shares(table: &GridTable) -> Shares {
-    let (n, m) = (table.states, table.distractors);
-    let mut sums = [0.0; 3];
-    let (mut all, mut squares) = (vec![0.0; table.dims], 0.0);
-    for step in 0..table.steps {
-        for dim in 0..table.dims {
-            let at = |i: usize, j: usize| f64::from(table.row(i, j, step)[dim]);
-            let by_state: Vec<f64> = (0..n).map(|i| (0..m).map(|j| at(i, j)).sum::<f64>() / m as f64).collect();
-            let by_distractor: Vec<f64> = (0..m).map(|j| (0..n).map(|i| at(i, j)).sum::<f64>() / n as f64).collect();
-            let mean = by_state.iter().sum::<f64>() / n as f64;
-            sums[0] += m as f64 * by_state.iter().map(|z| (z - mean).powi(2)).sum::<f64>();
-            sums[1] += n as f64 * by_distractor.iter().map(|z| (z - mean).powi(2)).sum::<f64>();
-            for i in 0..n {
-                for j in 0..m {
-                    sums[2] += (at(i, j) - by_state[i] - by_distractor[j] + mean).powi(2);
-                    squares += at(i, j).powi(2);
-                }
-            }
-            all[dim] += mean / table.steps as f64;
+    let mut sums = Sums::default();
+    for dim in 0..table.dims {
+        let mut mean = 0.0;
+        for step in 0..table.steps {
+            mean += sums.add(table, step, dim) / table.steps as f64;
         }
+        sums.mean_squares += mean * mean;
     }
-    let total: f64 = sums.iter().sum();
-    let rows = (n * m * table.steps) as f64;
-    let overall = squares - rows * all.iter().map(|mean| mean * mean).sum::<f64>();
+    let (n, m) = (table.states, table.distractors);
+    let total = sums.state + sums.distractor + sums.interaction;
+    let overall = sums.squares - (n * m * table.steps) as f64 * sums.mean_squares;
     let share = |part: f64, whole: f64| if whole > 1e-12 { part / whole } else { 0.0 };
     Shares {
-        state: share(sums[0], total),
-        distractor: share(sums[1], total),
-        interaction: share(sums[2], total),
-        within_state: share(sums[1] + sums[2], overall),
+        state: share(sums.state, total),
+        distractor: share(sums.distractor, total),
+        interaction: share(sums.interaction, total),
+        within_state: share(sums.distractor + sums.interaction, overall),
         state_of_noise: (n as f64 - 1.0) / ((n * m) as f64 - 1.0),
+    }
+}
+
+/// Sums of squares.
+#[derive(Debug, Default)]
+struct Sums {
+    state: f64,
+    distractor: f64,
+    interaction: f64,
+    /// Of all values.
+    squares: f64,
+    /// Of each dimension's mean over everything.
+    mean_squares: f64,
+}
+
+impl Sums {
+    /// Adds one dimension at one step; gives its mean over the cells.
+    fn add(&mut self, table: &GridTable, step: usize, dim: usize) -> f64 {
+        let (n, m) = (table.states, table.distractors);
+        let at = |i: usize, j: usize| f64::from(table.row(i, j, step)[dim]);
+        let by_state: Vec<f64> = (0..n).map(|i| (0..m).map(|j| at(i, j)).sum::<f64>() / m as f64).collect();
+        let by_distractor: Vec<f64> = (0..m).map(|j| (0..n).map(|i| at(i, j)).sum::<f64>() / n as f64).collect();
+        let mean = by_state.iter().sum::<f64>() / n as f64;
+        self.state += m as f64 * by_state.iter().map(|z| (z - mean).powi(2)).sum::<f64>();
+        self.distractor += n as f64 * by_distractor.iter().map(|z| (z - mean).powi(2)).sum::<f64>();
+        for (i, of_state) in by_state.iter().enumerate() {
+            for (j, of_distractor) in by_distractor.iter().enumerate() {
+                self.interaction += (at(i, j) - of_state - of_distractor + mean).powi(2);
+                self.squares += at(i, j).powi(2);
+            }
+        }
+        mean
     }
 }
