@@ -28,6 +28,42 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
+    /// A name that is not in its list.
+    #[error("unknown {what} {name}; known are {known}")]
+    UnknownName {
+        /// "difficulty", "distractor", …
+        what: &'static str,
+        /// The name that was asked for.
+        name: String,
+        /// The names that exist.
+        known: String,
+    },
+    /// A folder holds too few videos.
+    #[error("{found} videos; {wanted} are needed, each a folder of .jpg or .png frames: {path}")]
+    TooFewVideos {
+        /// How many there are.
+        found: usize,
+        /// How many are needed.
+        wanted: usize,
+        /// The folder, or the name of the built-in source.
+        path: PathBuf,
+    },
+    /// Nothing can be drawn on this machine.
+    #[error(
+        "cannot draw without EGL: {fact}; run `make setup`, or on Debian and Ubuntu: sudo apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"
+    )]
+    NoEgl {
+        /// What EGL answered.
+        fact: String,
+    },
+    /// A picture that cannot be drawn.
+    #[error("cannot draw: {fact}; {expected}")]
+    Render {
+        /// What is wrong.
+        fact: String,
+        /// What would be right.
+        expected: String,
+    },
     /// No task has that name.
     #[error("unknown task {name}; the tasks are {known}")]
     UnknownTask {

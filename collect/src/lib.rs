@@ -2,16 +2,22 @@
 //!
 //! An [`Environment`] is a task under a clock; a [`Policy`] chooses its actions; [`rollout`] makes a [`StateTrajectory`] of the two. A [`Trace`]
 //! is an episode in JSON, to compare simulations with.
+//!
+//! [`distractors`] walk at random, apart from the physics; [`render`] lays them over states and draws; [`videos`] are what the background shows.
 
+pub mod distractor_trace;
+pub mod distractors;
 mod environment;
 mod error;
 mod gaussian;
 mod physics;
 mod policies;
+pub mod render;
 mod rollout;
 mod spec;
 mod tasks;
 mod trace;
+pub mod videos;
 
 pub use environment::{Environment, EnvironmentOptions, Start};
 pub use error::{Error, Result};

@@ -1,0 +1,169 @@
+//! An OpenGL context without a window or a display, through EGL.
+//!
+//! In: nothing. Out: an [`EglContext`], current on the thread that made it, and OpenGL functions by name. EGL is loaded at run time, so a
+//! machine without it can do everything but draw. The display is opened once a process: on the first device that opens (a GPU, or
+//! Mesa's software device), else Mesa's surfaceless platform.
+#![allow(unsafe_code, reason = "EGL is a C library; every call is checked and its handles never leave this module")]
+
+use std::ffi::c_void;
+use std::sync::OnceLock;
+
+use khronos_egl as egl;
+
+use crate::error::{Error, Result};
+
+type Egl = egl::DynamicInstance<egl::EGL1_5>;
+
+/// `EGL_PLATFORM_DEVICE_EXT` of `EGL_EXT_platform_device`.
+const PLATFORM_DEVICE: egl::Enum = 0x313F;
+/// `EGL_PLATFORM_SURFACELESS_MESA` of `EGL_MESA_platform_surfaceless`.
+const PLATFORM_SURFACELESS: egl::Enum = 0x31DD;
+const MAX_DEVICES: usize = 16;
+
+const CONFIG: [egl::Int; 17] = [
+    egl::RED_SIZE,
+    8,
+    egl::GREEN_SIZE,
+    8,
+    egl::BLUE_SIZE,
+    8,
+    egl::ALPHA_SIZE,
+    8,
+    egl::DEPTH_SIZE,
+    24,
+    egl::STENCIL_SIZE,
+    8,
+    egl::SURFACE_TYPE,
+    egl::PBUFFER_BIT,
+    egl::RENDERABLE_TYPE,
+    egl::OPENGL_BIT,
+    egl::NONE,
+];
+
+/// The library and the display, shared by all contexts.
+struct Shared {
+    egl: Egl,
+    display: egl::Display,
+    config: egl::Config,
+}
+
+// SAFETY: EGL calls are thread-safe by specification, and displays and configurations are process-wide handles.
+unsafe impl Send for Shared {}
+// SAFETY: as above.
+unsafe impl Sync for Shared {}
+
+fn shared() -> Result<&'static Shared> {
+    static SHARED: OnceLock<std::result::Result<Shared, String>> = OnceLock::new();
+    SHARED.get_or_init(|| open("libEGL.so.1")).as_ref().map_err(|fact| Error::NoEgl { fact: fact.clone() })
+}
+
+fn open(library: &str) -> std::result::Result<Shared, String> {
+    // SAFETY: a library of this name is the system's EGL; its initialisation has no preconditions.
+    let egl = unsafe { Egl::load_required_from_filename(library) }.map_err(|error| match error {
+        egl::LoadError::Library(error) => error.to_string(),
+        egl::LoadError::InvalidVersion { provided, required } => {
+            format!("{library} is EGL {provided:?}, not {required:?}")
+        }
+    })?;
+    let display = open_display(&egl)?;
+    egl.bind_api(egl::OPENGL_API).map_err(|error| format!("no OpenGL: {error}"))?;
+    let config = egl.choose_first_config(display, &CONFIG).map_err(|error| error.to_string())?;
+    let config = config.ok_or("no frame buffer with 8-bit colour, 24-bit depth and a stencil")?;
+    Ok(Shared { egl, display, config })
+}
+
+fn open_display(egl: &Egl) -> std::result::Result<egl::Display, String> {
+    let devices = devices(egl).into_iter().map(|device| (PLATFORM_DEVICE, device));
+    let mut refusal = "no device and no surfaceless platform".to_owned();
+    for (platform, native) in devices.chain([(PLATFORM_SURFACELESS, std::ptr::null_mut())]) {
+        // SAFETY: the native handle is a device EGL listed, or the null that the surfaceless platform asks for.
+        let display = unsafe { egl.get_platform_display(platform, native, &[egl::ATTRIB_NONE]) };
+        match display.and_then(|display| egl.initialize(display).map(|_| display)) {
+            Ok(display) => return Ok(display),
+            Err(error) => refusal = error.to_string(),
+        }
+    }
+    Err(format!("no display opens: {refusal}"))
+}
+
+fn devices(egl: &Egl) -> Vec<*mut c_void> {
+    type QueryDevices = unsafe extern "system" fn(egl::Int, *mut *mut c_void, *mut egl::Int) -> egl::Boolean;
+    let Some(function) = egl.get_proc_address("eglQueryDevicesEXT") else { return Vec::new() };
+    // SAFETY: this is the signature of eglQueryDevicesEXT in EGL_EXT_device_enumeration.
+    let query: QueryDevices = unsafe { std::mem::transmute(function) };
+    let mut devices = vec![std::ptr::null_mut(); MAX_DEVICES];
+    let mut count = 0;
+    // SAFETY: the list has room for MAX_DEVICES handles.
+    let answered = unsafe { query(MAX_DEVICES as egl::Int, devices.as_mut_ptr(), &raw mut count) };
+    devices.truncate(if answered == egl::TRUE { count.max(0) as usize } else { 0 });
+    devices
+}
+
+/// A context, without a surface: MuJoCo draws into buffers of its own. Stays on its thread.
+pub(super) struct EglContext {
+    context: egl::Context,
+    shared: &'static Shared,
+}
+
+impl std::fmt::Debug for EglContext {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("EglContext").finish_non_exhaustive()
+    }
+}
+
+impl EglContext {
+    /// Makes a context and makes it current on this thread.
+    pub(super) fn new() -> Result<Self> {
+        let shared = shared()?;
+        let refused = |error: egl::Error| Error::NoEgl { fact: error.to_string() };
+        // Which API contexts are made for is a property of the thread.
+        shared.egl.bind_api(egl::OPENGL_API).map_err(refused)?;
+        let context = shared.egl.create_context(shared.display, shared.config, None, &[egl::NONE]).map_err(refused)?;
+        let context = Self { context, shared };
+        context.make_current()?;
+        Ok(context)
+    }
+
+    /// Makes the context current on this thread if another one is.
+    pub(super) fn make_current(&self) -> Result<()> {
+        let Shared { egl, display, .. } = self.shared;
+        if egl.get_current_context() == Some(self.context) {
+            return Ok(());
+        }
+        egl.make_current(*display, None, None, Some(self.context))
+            .map_err(|error| Error::NoEgl { fact: error.to_string() })
+    }
+
+    /// The address of an OpenGL function.
+    pub(super) fn function(&self, name: &str) -> Result<*const c_void> {
+        let address = self.shared.egl.get_proc_address(name).map(|function| function as *const c_void);
+        address.ok_or_else(|| Error::NoEgl { fact: format!("OpenGL has no {name}") })
+    }
+}
+
+impl Drop for EglContext {
+    fn drop(&mut self) {
+        let Shared { egl, display, .. } = self.shared;
+        // A refusal leaves the context to the end of the process; there is nobody to tell.
+        let _ = egl.make_current(*display, None, None, None);
+        let _ = egl.destroy_context(*display, self.context);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_library_is_named() {
+        let fact = open("libEGL-that-is-not-there.so.1").err().expect("no such library");
+        assert!(fact.contains("libEGL-that-is-not-there.so.1"), "{fact}");
+        let message = Error::NoEgl { fact }.to_string();
+        assert!(message.contains("make setup") && message.contains("apt-get install libegl1"), "{message}");
+    }
+
+    #[test]
+    fn a_library_that_is_not_egl_is_refused() {
+        assert!(open("libc.so.6").is_err());
+    }
+}

@@ -1,0 +1,192 @@
+//! Background videos: where they come from, and quick access to any frame.
+//!
+//! In: a [`VideoSource`] (a folder of frame folders, or the built-in procedural one), a [`VideoSet`] and how many. Out: a [`VideoLibrary`]:
+//! names and lengths for the distractors, and frames resized to the sky's texture for the renderer. Everything is
+//! decoded when the library is opened, or was by an earlier run; never at a reset.
+
+pub mod davis;
+pub mod procedural;
+mod resample;
+mod store;
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use vibes_data::{BackgroundFrame, Video};
+
+use crate::error::{Error, Result};
+pub(crate) use resample::SUITE_SIDE;
+use store::FrameStore;
+pub(crate) use store::LEVELS;
+
+/// Which videos: those for training, or those held out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum VideoSet {
+    /// For training.
+    #[default]
+    Train,
+    /// Held out, for evaluation.
+    Val,
+}
+
+impl VideoSet {
+    /// The set's name as typed.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Train => "train",
+            Self::Val => "val",
+        }
+    }
+}
+
+impl fmt::Display for VideoSet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for VideoSet {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text {
+            "train" => Ok(Self::Train),
+            "val" => Ok(Self::Val),
+            _ => Err(Error::UnknownName { what: "video set", name: text.to_owned(), known: "train, val".to_owned() }),
+        }
+    }
+}
+
+/// Where videos come from.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum VideoSource {
+    /// Made by [`procedural`].
+    #[default]
+    Procedural,
+    /// `DIR/<video>/<frame>.jpg`.
+    Folder(PathBuf),
+}
+
+impl VideoSource {
+    /// The names of the first `count` videos of a set, all of them (for the procedural source as many as DAVIS has) without a count.
+    ///
+    /// # Errors
+    /// When a folder cannot be read, or holds no video or fewer than `count`.
+    pub fn list(&self, set: VideoSet, count: Option<usize>) -> Result<Vec<String>> {
+        let names = match self {
+            Self::Procedural => return Ok(procedural::list(set, count)),
+            Self::Folder(folder) => davis::list(folder, set)?,
+        };
+        let wanted = count.unwrap_or(names.len()).max(1);
+        if names.len() < wanted {
+            return Err(Error::TooFewVideos { found: names.len(), wanted, path: self.path() });
+        }
+        Ok(names.into_iter().take(wanted).collect())
+    }
+
+    fn path(&self) -> PathBuf {
+        match self {
+            Self::Procedural => PathBuf::from("procedural videos"),
+            Self::Folder(folder) => folder.clone(),
+        }
+    }
+
+    fn open_video(&self, cache: &Path, name: &str, side: usize) -> Result<FrameStore> {
+        match self {
+            Self::Procedural => {
+                let video = procedural::ProceduralVideo::named(name)?;
+                let identity = format!("procedural {} {name}", procedural::VERSION);
+                FrameStore::open_or_make(cache, name, &identity, procedural::FRAMES, side, |frame| {
+                    Ok(resample::resample(&video.frame(frame), procedural::SIDE, procedural::SIDE, side))
+                })
+            }
+            Self::Folder(folder) => {
+                let files = davis::frames(folder, name)?;
+                let identity = identity(&files)?;
+                FrameStore::open_or_make(cache, name, &identity, files.len(), side, |frame| {
+                    let (rgb, width, height) = davis::decode(&files[frame])?;
+                    Ok(resample::resample(&rgb, width, height, side))
+                })
+            }
+        }
+    }
+}
+
+/// Names, sizes and dates of the frame files: changes whenever a picture may have.
+fn identity(files: &[PathBuf]) -> Result<String> {
+    let mut identity = String::new();
+    for file in files {
+        let metadata = file.metadata().map_err(Error::io("read the frame", file))?;
+        let path = std::path::absolute(file).map_err(Error::io("read the frame", file))?;
+        identity += &format!("{} {} {:?}\n", path.display(), metadata.len(), metadata.modified().ok());
+    }
+    Ok(identity)
+}
+
+/// A set of videos, decoded. Shared by all renderers.
+#[derive(Debug)]
+pub struct VideoLibrary {
+    videos: Vec<Video>,
+    stores: Vec<FrameStore>,
+    side: usize,
+}
+
+impl VideoLibrary {
+    /// Opens the videos `names` of a source, decoding what no earlier run has. `side` is the side of the frames, as
+    /// [`Look::sky_side`](crate::render::Look::sky_side) says for a picture's size.
+    ///
+    /// # Errors
+    /// When a video is missing or cannot be decoded, or the cache cannot be written.
+    pub fn open(source: &VideoSource, set: VideoSet, names: &[String], side: usize) -> Result<Self> {
+        let cache = store::cache_folder()?;
+        let stores: Vec<FrameStore> =
+            names.par_iter().map(|name| source.open_video(&cache, name, side)).collect::<Result<_>>()?;
+        let videos = names
+            .iter()
+            .zip(&stores)
+            .map(|(name, store)| Video { name: name.clone(), set: set.name().to_owned(), frames: store.frames as u32 })
+            .collect();
+        Ok(Self { videos, stores, side })
+    }
+
+    /// No videos: the model's own sky.
+    pub fn none() -> Self {
+        Self { videos: Vec::new(), stores: Vec::new(), side: SUITE_SIDE >> (LEVELS - 1) }
+    }
+
+    /// The videos, as the manifest lists them.
+    pub fn videos(&self) -> &[Video] {
+        &self.videos
+    }
+
+    /// How many frames each has, for the distractors.
+    pub fn frame_counts(&self) -> Vec<usize> {
+        self.stores.iter().map(|store| store.frames).collect()
+    }
+
+    /// Side of the frames, pixels.
+    pub fn side(&self) -> usize {
+        self.side
+    }
+
+    /// Reads a frame with its mipmap levels into `bytes`: `[side, side, 3]`, then half and quarter size.
+    ///
+    /// # Errors
+    /// When there is no such frame, or the cache cannot be read.
+    pub(crate) fn read(&self, frame: BackgroundFrame, bytes: &mut Vec<u8>) -> Result<()> {
+        let store = self.stores.get(frame.video as usize).filter(|store| (frame.frame as usize) < store.frames);
+        let store = store.ok_or_else(|| Error::Render {
+            fact: format!("no frame {} of video {}", frame.frame, frame.video),
+            expected: format!("there are {} videos", self.stores.len()),
+        })?;
+        store.read(frame.frame as usize, bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,124 @@
+//! Laws of the videos.
+
+use std::collections::BTreeSet;
+
+use super::procedural::{FRAMES, Family, ProceduralVideo};
+use super::*;
+
+fn write_video(folder: &Path, name: &str, frames: u8) {
+    let folder = folder.join(name);
+    std::fs::create_dir_all(&folder).unwrap();
+    for frame in 0..frames {
+        let picture = image::RgbImage::from_pixel(32, 18, image::Rgb([frame * 10, 100, 200]));
+        picture.save(folder.join(format!("{frame:05}.png"))).unwrap();
+    }
+}
+
+#[test]
+fn procedural_sets_share_no_family_and_no_name() {
+    assert!(Family::of(VideoSet::Train).iter().all(|family| !Family::of(VideoSet::Val).contains(family)));
+    let names = |set| procedural::list(set, Some(200)).into_iter().collect::<BTreeSet<_>>();
+    let (train, val) = (names(VideoSet::Train), names(VideoSet::Val));
+    assert_eq!((train.len(), val.len()), (200, 200));
+    assert!(train.is_disjoint(&val));
+    assert_eq!((procedural::list(VideoSet::Train, None).len(), procedural::list(VideoSet::Val, None).len()), (60, 30));
+}
+
+#[test]
+fn procedural_videos_depend_on_their_name_only_and_move() {
+    for set in [VideoSet::Train, VideoSet::Val] {
+        let names = procedural::list(set, Some(6));
+        let frame = |name: &str, index| ProceduralVideo::named(name).unwrap().frame(index);
+        for name in &names {
+            let (first, next, far) = (frame(name, 0), frame(name, 1), frame(name, FRAMES - 1));
+            assert_eq!(first, frame(name, 0));
+            let (step, way) = (
+                crate::distractor_trace::picture_difference(&first, &next).0,
+                crate::distractor_trace::picture_difference(&first, &far).0,
+            );
+            assert!(step > 0.5 && step < way, "{name}: {step} levels a frame, {way} over the video");
+        }
+        assert_ne!(frame(&names[0], 0), frame(&names[3], 0));
+    }
+}
+
+/// Natural pictures: colourful, contrasty, and more alike near than far.
+#[test]
+fn procedural_videos_look_natural() {
+    for set in [VideoSet::Train, VideoSet::Val] {
+        for name in procedural::list(set, Some(30)) {
+            let picture = ProceduralVideo::named(&name).unwrap().frame(10);
+            let brightness: Vec<f64> =
+                picture.chunks(3).map(|rgb| rgb.iter().map(|&c| f64::from(c)).sum::<f64>() / 3.0).collect();
+            let mean = brightness.iter().sum::<f64>() / brightness.len() as f64;
+            let spread = (brightness.iter().map(|b| (b - mean).powi(2)).sum::<f64>() / brightness.len() as f64).sqrt();
+            assert!((30.0..225.0).contains(&mean) && spread > 15.0, "{name}: mean {mean:.0}, spread {spread:.0}");
+            let colour = picture
+                .chunks(3)
+                .map(|rgb| f64::from(rgb.iter().max().unwrap() - rgb.iter().min().unwrap()))
+                .sum::<f64>();
+            assert!(colour / brightness.len() as f64 > 12.0, "{name} is grey");
+            let apart =
+                |shift: usize| brightness.iter().zip(&brightness[shift..]).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+            assert!(apart(1) < apart(8) && apart(8) < 2.5 * apart(32), "{name}");
+        }
+    }
+}
+
+#[test]
+fn an_unknown_procedural_video_is_refused() {
+    for name in ["fog-001", "leaves", "leaves-x", ""] {
+        assert!(ProceduralVideo::named(name).is_err());
+    }
+}
+
+#[test]
+fn davis_is_known_by_name_and_other_folders_are_sorted() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["zebra", "ant", "mole"] {
+        write_video(folder.path(), name, 2);
+    }
+    std::fs::create_dir(folder.path().join("empty")).unwrap();
+    let source = VideoSource::Folder(folder.path().to_owned());
+    assert_eq!(source.list(VideoSet::Train, None).unwrap(), ["ant", "mole", "zebra"]);
+    assert!(source.list(VideoSet::Train, Some(4)).unwrap_err().to_string().contains("3 videos; 4 are needed"));
+    for name in ["boat", "bear", "blackswan", "bike-packing"] {
+        write_video(folder.path(), name, 2);
+    }
+    assert_eq!(source.list(VideoSet::Train, None).unwrap(), ["bear", "boat"]);
+    assert_eq!(source.list(VideoSet::Val, None).unwrap(), ["bike-packing", "blackswan"]);
+    assert_eq!((davis::TRAIN.len(), davis::VAL.len()), (60, 30));
+    assert!(davis::TRAIN.iter().all(|name| !davis::VAL.contains(name)));
+}
+
+#[test]
+fn frames_come_sorted_and_again_from_the_cache() {
+    let folder = tempfile::tempdir().unwrap();
+    write_video(folder.path(), "film", 5);
+    let source = VideoSource::Folder(folder.path().to_owned());
+    for _ in 0..2 {
+        let library = VideoLibrary::open(&source, VideoSet::Val, &["film".to_owned()], 100).unwrap();
+        assert_eq!(library.videos(), [Video { name: "film".to_owned(), set: "val".to_owned(), frames: 5 }]);
+        let mut bytes = Vec::new();
+        for frame in 0..5 {
+            library.read(BackgroundFrame { video: 0, frame }, &mut bytes).unwrap();
+            assert_eq!(bytes.len(), 3 * (100 * 100 + 50 * 50 + 25 * 25));
+            assert!(bytes.chunks(3).all(|rgb| rgb == [frame as u8 * 10, 100, 200]));
+        }
+        assert!(library.read(BackgroundFrame { video: 0, frame: 5 }, &mut bytes).is_err());
+        assert!(library.read(BackgroundFrame { video: 1, frame: 0 }, &mut bytes).is_err());
+    }
+}
+
+#[test]
+fn a_broken_frame_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    write_video(folder.path(), "film", 2);
+    std::fs::write(folder.path().join("film/00001.png"), b"not a picture").unwrap();
+    let source = VideoSource::Folder(folder.path().to_owned());
+    let error = VideoLibrary::open(&source, VideoSet::Train, &["film".to_owned()], 100).unwrap_err().to_string();
+    assert!(error.contains("00001.png"), "{error}");
+    let error = VideoLibrary::open(&source, VideoSet::Train, &["gone".to_owned()], 100).unwrap_err().to_string();
+    assert!(error.contains("gone"), "{error}");
+    assert!(VideoSource::Folder(folder.path().join("nowhere")).list(VideoSet::Train, None).is_err());
+}
