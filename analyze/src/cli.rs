@@ -1,0 +1,163 @@
+//! The command line: what was typed, one verb each, and what is printed. The only module that knows clap or prints.
+//!
+//! A verb opens its inputs through [`session`], calls the measures, and returns an [`Outcome`]: one line of result, the files it wrote, and
+//! the same as JSON.
+
+//mod bench;
+//mod compare;
+mod config;
+//mod curves;
+mod grid;
+//mod invariance;
+mod maps;
+mod nn;
+//mod probe;
+//mod report;
+//mod scene;
+mod session;
+//mod symmetry;
+mod umap;
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+/// Looks into a latent space: neighbours, maps, and numbers that say how invariant it is.
+///
+/// Every verb reads a table of latents (the newest below the current folder unless one is named) and writes figures as PNG and SVG and numbers
+/// as JSON and Arrow into the folder `figures` beside it. It prints one line of result.
+#[derive(Debug, Parser)]
+#[command(name = "vibes-analyze", version, propagate_version = true)]
+struct Cli {
+    #[command(flatten)]
+    globals: Globals,
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+/// Options of every verb.
+#[derive(Clone, Debug, Args)]
+struct Globals {
+    /// Print the result as JSON.
+    #[arg(long, global = true)]
+    json: bool,
+    /// Say nothing but the result.
+    #[arg(short, long, global = true)]
+    quiet: bool,
+    /// Say more.
+    #[arg(short, long, global = true, conflicts_with = "quiet")]
+    verbose: bool,
+    /// Take options from a TOML file: `key = value` as in `--key value`, for all verbs or under `[VERB]`. Options typed win.
+    #[arg(long, global = true, value_name = "FILE")]
+    config: Option<PathBuf>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    Nn(nn::Options),
+    Umap(umap::Options),
+    Grid(grid::Options),
+    //Invariance(invariance::Options),
+    //Probe(probe::Options),
+    //Symmetry(symmetry::Options),
+    //Curves(curves::Options),
+    //Compare(compare::Options),
+    //Scene(scene::Options),
+    //Report(report::Options),
+    //Bench(bench::Options),
+}
+
+/// What a verb has done.
+#[derive(Debug, Default)]
+struct Outcome {
+    /// One line of result.
+    line: String,
+    /// What the reader must know: fallbacks taken, rows left out.
+    remarks: Vec<String>,
+    /// The files it wrote.
+    files: Vec<PathBuf>,
+    /// The result as JSON.
+    json: serde_json::Value,
+}
+
+/// Why the program stops.
+#[derive(Debug)]
+pub enum Stop {
+    /// The command line cannot be parsed, or help was asked for.
+    Parse(clap::Error),
+    /// The arguments do not fit the input: exit code 2.
+    Wrong(anyhow::Error),
+    /// The work failed: exit code 1.
+    Failed(anyhow::Error),
+}
+
+/// Arguments that do not fit the input.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct WrongArguments(String);
+
+/// Makes the error for arguments that do not fit the input.
+fn wrong(text: impl Into<String>) -> anyhow::Error {
+    WrongArguments(text.into()).into()
+}
+
+impl From<anyhow::Error> for Stop {
+    fn from(error: anyhow::Error) -> Self {
+        use crate::Error::{NoSuchRow, Option, UnknownName};
+        let arguments = error.chain().any(|e| {
+            e.is::<WrongArguments>() || e.downcast_ref::<crate::Error>().is_some_and(|e| matches!(e, NoSuchRow { .. } | Option { .. } | UnknownName { .. }))
+        });
+        if arguments { Self::Wrong(error) } else { Self::Failed(error) }
+    }
+}
+
+/// Runs the program on the arguments (the first is the program's name) and prints the result.
+///
+/// # Errors
+/// [`Stop`], for the exit code.
+pub fn run(args: impl Iterator<Item = OsString>) -> Result<(), Stop> {
+    let args = config::expand(args.collect()).map_err(Stop::from)?;
+    let cli = Cli::try_parse_from(args).map_err(Stop::Parse)?;
+    let globals = &cli.globals;
+    let outcome = match &cli.verb {
+        Verb::Nn(options) => nn::run(options, globals),
+        Verb::Umap(options) => umap::run(options, globals),
+        Verb::Grid(options) => grid::run(options, globals),
+        //Verb::Invariance(options) => invariance::run(options, globals),
+        //Verb::Probe(options) => probe::run(options, globals),
+        //Verb::Symmetry(options) => symmetry::run(options, globals),
+        //Verb::Curves(options) => curves::run(options, globals),
+        //Verb::Compare(options) => compare::run(options, globals),
+        //Verb::Scene(options) => scene::run(options, globals),
+        //Verb::Report(options) => report::run(options, globals),
+        //Verb::Bench(options) => bench::run(options, globals),
+    }?;
+    print(&outcome, globals);
+    Ok(())
+}
+
+#[allow(clippy::print_stdout, clippy::print_stderr, reason = "the one place that prints results")]
+fn print(outcome: &Outcome, globals: &Globals) {
+    for remark in &outcome.remarks {
+        eprintln!("note: {remark}");
+    }
+    if globals.json {
+        println!("{:#}", outcome.json);
+        return;
+    }
+    println!("{}", outcome.line);
+    if !globals.quiet {
+        for file in &outcome.files {
+            println!("  {}", file.display());
+        }
+    }
+}
+
+/// Says on standard error what is going on.
+#[allow(clippy::print_stderr, reason = "progress is said where the verbs are assembled")]
+fn say(globals: &Globals, text: impl std::fmt::Display) {
+    if !globals.quiet {
+        eprintln!("{text}");
+    }
+}

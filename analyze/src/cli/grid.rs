@@ -1,0 +1,112 @@
+//! `grid`: Figure 4a of the paper for any n × m.
+
+use std::collections::BTreeSet;
+use std::str::FromStr;
+
+use serde_json::json;
+
+use super::maps::MapOptions;
+use super::session::{Input, Session};
+use super::{Globals, Outcome, wrong};
+use crate::figures::{Figure, Panel, Panels};
+
+/// State trajectories × distractor trajectories on one map: all latents grey, each panel's own trajectory coloured by time.
+#[derive(Debug, clap::Args)]
+pub(super) struct Options {
+    #[command(flatten)]
+    input: Input,
+    #[command(flatten)]
+    map: MapOptions,
+    /// Panels to draw, states x distractors; the whole grid if it is smaller.
+    #[arg(long, value_name = "NxM", default_value = "4x4")]
+    panels: Size,
+    /// State trajectories to draw, in place of the first N.
+    #[arg(long, value_name = "S,…", value_delimiter = ',')]
+    states: Vec<u32>,
+    /// Distractor trajectories to draw, in place of the first M.
+    #[arg(long, value_name = "D,…", value_delimiter = ',')]
+    distractors: Vec<u32>,
+}
+
+/// A grid's size as it is typed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Size {
+    states: usize,
+    distractors: usize,
+}
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let side = |n: &str| n.trim().parse().ok().filter(|n| (1..=40).contains(n));
+        let parsed = text.split_once(['x', '×']).and_then(|(n, m)| Some(Self { states: side(n)?, distractors: side(m)? }));
+        parsed.ok_or_else(|| format!("{text:?} is no size; NxM is expected, each from 1 to 40, as in 4x4"))
+    }
+}
+
+pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
+    let given = json!({ "map": options.map.json(), "panels": format!("{}x{}", options.panels.states, options.panels.distractors) });
+    let mut session = Session::open(&options.input, globals, "grid", given)?;
+    let all = cells(&session)?;
+    let states = choose("--states", &options.states, all.iter().map(|c| c.0).collect(), options.panels.states)?;
+    let distractors = choose("--distractors", &options.distractors, all.iter().map(|c| c.1).collect(), options.panels.distractors)?;
+    let made = options.map.map(&mut session, globals)?;
+    let panels = panels(&session, &states, &distractors);
+    let holes = states.len() * distractors.len() - panels.len();
+    if holes > 0 {
+        session.remark(format!("{holes} of {} cells were not recorded and are drawn as such", states.len() * distractors.len()));
+    }
+    let line = format!(
+        "grid: {} of {} state x {} of {} distractor trajectories on a map with {}",
+        states.len(),
+        all.iter().map(|c| c.0).collect::<BTreeSet<_>>().len(),
+        distractors.len(),
+        all.iter().map(|c| c.1).collect::<BTreeSet<_>>().len(),
+        made.quality_text()
+    );
+    let keys: Vec<_> = panels.iter().map(|p| json!({ "state": p.state, "distractor": p.distractor, "rows": p.rows.len() })).collect();
+    let heading = session.heading("One trajectory a panel, over all latents");
+    let figure = Panels { heading, points: made.points(), states: states.clone(), distractors: distractors.clone(), panels };
+    session.save(&Figure::Panels(figure), "grid")?;
+    session.write_json("grid", &json!({ "states": states, "distractors": distractors, "cells": keys, "holes": holes, "quality": made.quality }))?;
+    Ok(session.finish(line))
+}
+
+/// The cells that the table has rows of.
+fn cells(session: &Session) -> anyhow::Result<BTreeSet<(u32, u32)>> {
+    let l = &session.latents;
+    let cells: BTreeSet<(u32, u32)> = l.state.iter().zip(&l.distractor).filter_map(|(s, d)| s.zip(*d)).collect();
+    if cells.is_empty() {
+        return Err(wrong(format!(
+            "these latents are not of a grid (columns state and distractor are empty); record one with `vibes-collect --grid 10x10`: {}",
+            session.path.display()
+        )));
+    }
+    Ok(cells)
+}
+
+/// The rows or columns to draw: those named, or the first ones.
+fn choose(option: &str, named: &[u32], there: BTreeSet<u32>, count: usize) -> anyhow::Result<Vec<u32>> {
+    if let Some(missing) = named.iter().find(|n| !there.contains(n)) {
+        let list: Vec<String> = there.iter().map(u32::to_string).collect();
+        return Err(wrong(format!("{option} {missing} is not in these latents, choose among {}", list.join(", "))));
+    }
+    Ok(if named.is_empty() { there.into_iter().take(count).collect() } else { named.to_vec() })
+}
+
+/// The rows of each cell in order of time.
+fn panels(session: &Session, states: &[u32], distractors: &[u32]) -> Vec<Panel> {
+    let l = &session.latents;
+    let mut panels = Vec::new();
+    for &state in states {
+        for &distractor in distractors {
+            let mut rows: Vec<usize> = (0..l.len()).filter(|&r| l.state[r] == Some(state) && l.distractor[r] == Some(distractor)).collect();
+            rows.sort_by_key(|&r| (l.episode[r], l.step[r]));
+            if !rows.is_empty() {
+                panels.push(Panel { state, distractor, rows });
+            }
+        }
+    }
+    panels
+}

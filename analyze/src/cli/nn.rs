@@ -1,0 +1,240 @@
+//! `nn`: what is near what. Queries above their nearest neighbours (Figures 4b and 5 of the paper).
+
+use std::str::FromStr;
+
+use rand::Rng;
+use rand::seq::index;
+use serde::Serialize;
+use serde_json::json;
+
+use super::session::{Input, Session};
+use super::{Globals, Outcome, wrong};
+use crate::figures::{Figure, NeighbourSheet, SheetColumn, Thumb};
+use crate::input::Frames;
+use crate::neighbours::{Exclude, Metric, Neighbours, Space, nearest};
+use crate::output::{Column, write_table};
+
+/// Nearest neighbours in the latent space: a sheet of pictures, and neighbours.json.
+///
+/// neighbours.json holds `metric`, `k`, and for each query its row key `query` as [episode, step], its `neighbours` as [[episode, step], …],
+/// nearest first, and their `distance`s. Neighbours come from other episodes.
+#[derive(Debug, clap::Args)]
+pub(super) struct Options {
+    #[command(flatten)]
+    input: Input,
+    /// How many queries to draw.
+    #[arg(long, default_value_t = 20)]
+    queries: usize,
+    /// The queries by row key, in place of drawn ones.
+    #[arg(long, value_name = "EPISODE:STEP,…", value_delimiter = ',')]
+    rows: Vec<RowKey>,
+    /// Neighbours of each query.
+    #[arg(long, short, default_value_t = 5)]
+    k: usize,
+    /// The distance: standardized (each dimension divided by its standard deviation over the table), euclidean or cosine.
+    #[arg(long, default_value = "standardized")]
+    metric: Metric,
+    /// How queries are drawn: `random`, or `mix` of half on-goal and half off-goal rows (reward above and below half of the largest).
+    #[arg(long, value_enum, default_value_t = Select::Random)]
+    select: Select,
+    /// Which rows cannot be neighbours: those of the query's `trajectory` (its episode), those of its `state` trajectory on a grid, or only the `row` itself.
+    #[arg(long, value_enum, default_value_t = Excluded::Trajectory)]
+    exclude: Excluded,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Select {
+    Random,
+    Mix,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Excluded {
+    Trajectory,
+    State,
+    Row,
+}
+
+/// A row key as it is typed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct RowKey {
+    episode: u32,
+    step: u32,
+}
+
+impl FromStr for RowKey {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parsed = text.split_once(':').and_then(|(e, s)| Some(Self { episode: e.trim().parse().ok()?, step: s.trim().parse().ok()? }));
+        parsed.ok_or_else(|| format!("{text:?} is no row key; EPISODE:STEP is expected, as in 12:40"))
+    }
+}
+
+/// One query of `neighbours.json`.
+#[derive(Debug, Serialize)]
+struct Query {
+    query: [u32; 2],
+    neighbours: Vec<[u32; 2]>,
+    distance: Vec<f64>,
+}
+
+pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
+    let given = json!({
+        "queries": options.queries, "rows": options.rows.iter().map(|r| [r.episode, r.step]).collect::<Vec<_>>(), "k": options.k,
+        "metric": options.metric.name(), "select": format!("{:?}", options.select).to_lowercase(),
+        "exclude": format!("{:?}", options.exclude).to_lowercase(),
+    });
+    let mut session = Session::open(&options.input, globals, "nn", given)?;
+    let queries = choose(options, &mut session)?;
+    let labels = state_labels(options, &session)?;
+    let exclude = match (options.exclude, &labels) {
+        (Excluded::State, Some(labels)) => Exclude::Group(labels),
+        (Excluded::Row, _) => Exclude::Itself,
+        _ => Exclude::Trajectory,
+    };
+    let frames = session.frames()?;
+    let (found, constant) = {
+        let space = Space::new(session.table()?, options.metric)?;
+        (nearest(&space, &queries, options.k, exclude)?, space.constant_dims().to_vec())
+    };
+    if !constant.is_empty() {
+        session.remark(format!("latent dimensions {constant:?} are constant and were left out of the distance"));
+    }
+    write_numbers(options, &mut session, &queries, &found)?;
+    let line = draw(options, &mut session, frames.as_ref(), &queries, &found)?;
+    Ok(session.finish(line))
+}
+
+/// The rows to query, by index: those named, or drawn.
+fn choose(options: &Options, session: &mut Session) -> anyhow::Result<Vec<usize>> {
+    let table = session.table()?;
+    if !options.rows.is_empty() {
+        let find = |key: &RowKey| {
+            let missing = || wrong(format!("no row {}:{} in {}", key.episode, key.step, session.path.display()));
+            table.find(key.episode, key.step).ok_or_else(missing)
+        };
+        return options.rows.iter().map(find).collect();
+    }
+    let mut rng = session.rng();
+    let rows = session.latents.len();
+    if options.queries == 0 {
+        return Err(wrong("--queries is 0, at least 1 is needed"));
+    }
+    let mut chosen = match options.select {
+        Select::Random => index::sample(&mut rng, rows, options.queries.min(rows)).into_vec(),
+        Select::Mix => mix(session, options.queries, &mut rng)?,
+    };
+    chosen.sort_by_key(|&row| (session.latents.episode[row], session.latents.step[row]));
+    if chosen.len() < options.queries {
+        session.remark(format!("only {} queries could be drawn, {} were asked for", chosen.len(), options.queries));
+    }
+    Ok(chosen)
+}
+
+/// Half the queries on goal, half off goal; if there are too few of one kind, more of the other.
+fn mix(session: &Session, queries: usize, rng: &mut impl Rng) -> anyhow::Result<Vec<usize>> {
+    let Some(goal) = goal(session) else {
+        return Err(wrong("--select mix needs rewards, these latents have none (or all the same); use --select random"));
+    };
+    let side = |on: bool| -> Vec<usize> {
+        let reward = &session.latents.reward;
+        (0..reward.len()).filter(|&row| reward[row].is_some_and(|r| (r >= goal) == on)).collect()
+    };
+    let (on, off) = (side(true), side(false));
+    let from_off = queries.div_ceil(2).min(off.len());
+    let from_on = (queries - from_off).min(on.len());
+    let from_off = (queries - from_on).min(off.len());
+    let mut draw = |rows: &[usize], count: usize| -> Vec<usize> { index::sample(rng, rows.len(), count).into_iter().map(|i| rows[i]).collect() };
+    let mut chosen = draw(&on, from_on);
+    chosen.extend(draw(&off, from_off));
+    Ok(chosen)
+}
+
+/// Half the largest reward: rows that earn at least this are on goal. None without rewards that differ.
+fn goal(session: &Session) -> Option<f32> {
+    let rewards = session.latents.reward.iter().flatten().copied().filter(|r| r.is_finite());
+    let (lo, hi) = rewards.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), r| (lo.min(r), hi.max(r)));
+    (lo < hi && hi > 0.0).then_some(hi / 2.0)
+}
+
+/// One label a state trajectory, for `--exclude state`.
+fn state_labels(options: &Options, session: &Session) -> anyhow::Result<Option<Vec<u32>>> {
+    if options.exclude != Excluded::State {
+        return Ok(None);
+    }
+    let labels: Option<Vec<u32>> = session.latents.state.iter().copied().collect();
+    labels.map(Some).ok_or_else(|| wrong("--exclude state needs latents of a grid (a column state without gaps)"))
+}
+
+fn write_numbers(options: &Options, session: &mut Session, queries: &[usize], found: &Neighbours) -> anyhow::Result<()> {
+    let key = |row: usize| [session.latents.episode[row], session.latents.step[row]];
+    let list: Vec<Query> = (0..queries.len())
+        .map(|q| Query {
+            query: key(queries[q]),
+            neighbours: found.rows(q).iter().map(|&row| key(row as usize)).collect(),
+            distance: found.distances(q).to_vec(),
+        })
+        .collect();
+    let column = |of: &dyn Fn(&Query, usize) -> u32| {
+        Column::UInt32(list.iter().flat_map(|q| (0..q.neighbours.len()).map(|i| of(q, i)).collect::<Vec<_>>()).collect())
+    };
+    let table = [
+        ("query_episode", column(&|q, _| q.query[0])),
+        ("query_step", column(&|q, _| q.query[1])),
+        ("rank", column(&|_, i| i as u32 + 1)),
+        ("episode", column(&|q, i| q.neighbours[i][0])),
+        ("step", column(&|q, i| q.neighbours[i][1])),
+        ("distance", Column::Float64(list.iter().flat_map(|q| q.distance.clone()).collect())),
+    ];
+    session.write_json("neighbours", &json!({ "metric": options.metric.name(), "k": options.k, "queries": list }))?;
+    let path = session.out.join("neighbours.arrow");
+    write_table(&path, &table, &[("vibes.latents", session.path.display().to_string())])?;
+    session.outcome.files.push(path);
+    Ok(())
+}
+
+/// Draws the sheet, if there are pictures, and words the result.
+fn draw(options: &Options, session: &mut Session, frames: Option<&Frames>, queries: &[usize], found: &Neighbours) -> anyhow::Result<String> {
+    let nearest: f64 = (0..queries.len()).map(|q| found.distances(q)[0]).sum::<f64>() / queries.len() as f64;
+    let line = format!("nn: {} queries, {} neighbours each, mean distance of the first {nearest:.3} ({})", queries.len(), found.k(), options.metric.name());
+    let Some(frames) = frames else {
+        if !session.without_frames() {
+            session.remark("these latents name no recording, so there are numbers and no sheet of pictures (name one with --recording)");
+        }
+        return Ok(line);
+    };
+    if frames.recording().manifest().spec.pixels.is_none() {
+        session.remark("the recording holds no pictures, so there are numbers and no sheet");
+        return Ok(line);
+    }
+    let goal = goal(session);
+    let latents = &session.latents;
+    let thumb = |row: usize| {
+        let (episode, step) = (latents.episode[row], latents.step[row]);
+        Thumb { name: format!("{episode}:{step}"), pixels: frames.picture(episode, step) }
+    };
+    let remark = |row: usize| match (goal, latents.reward[row]) {
+        (Some(goal), Some(reward)) => if reward >= goal { "on goal" } else { "off goal" }.to_string(),
+        _ => String::new(),
+    };
+    let neighbours = |q: usize| found.rows(q).iter().zip(found.distances(q)).map(|(&row, &d)| (thumb(row as usize), d)).collect();
+    let columns: Vec<SheetColumn> =
+        queries.iter().enumerate().map(|(q, &row)| SheetColumn { query: thumb(row), remark: remark(row), neighbours: neighbours(q) }).collect();
+    let missing = columns.iter().flat_map(|c| std::iter::once(&c.query).chain(c.neighbours.iter().map(|n| &n.0))).filter(|t| t.pixels.is_none()).count();
+    let distance = match options.metric {
+        Metric::Standardized => "standardized L2 distance",
+        Metric::Euclidean => "Euclidean distance",
+        Metric::Cosine => "cosine distance",
+    };
+    let sheet = NeighbourSheet {
+        heading: session.heading("Queries (top) and their nearest neighbours in the latent space"),
+        distance: distance.into(),
+        columns,
+    };
+    session.save(&Figure::NeighbourSheet(sheet), "neighbours")?;
+    if missing > 0 {
+        session.remark(format!("{missing} pictures are missing from the recording and drawn as empty frames"));
+    }
+    Ok(line)
+}

@@ -1,0 +1,148 @@
+//! What the verbs share: which latents, whose pictures, where the output goes, and what every output says about where it comes from.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use serde::Serialize;
+use serde_json::{Value, json};
+use vibes_data::Latents;
+
+use super::{Globals, Outcome, say, wrong};
+use crate::figures::{Figure, Heading};
+use crate::input::{Frames, InputError, find_recording, newest_latents, read_latents};
+use crate::{Table, output};
+
+/// The inputs and outputs of a verb on one table of latents.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Input {
+    /// A table of latents (Arrow, Parquet, npy, npz) or a folder with some, such as a run; the newest below runs/ unless named.
+    #[arg(value_name = "LATENTS")]
+    input: Option<PathBuf>,
+    /// The same as an option.
+    #[arg(long, value_name = "FILE", conflicts_with = "input")]
+    latents: Option<PathBuf>,
+    /// The recording the latents were encoded from; the one their metadata names unless given.
+    #[arg(long, value_name = "FOLDER")]
+    recording: Option<PathBuf>,
+    /// Go on without the recording: no pictures, no task state.
+    #[arg(long, conflicts_with = "recording")]
+    no_frames: bool,
+    /// Where the output goes [default: the folder `figures` beside the latents].
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// A line under the title of every figure, as in "after 300 updates: barely trained".
+    #[arg(long, value_name = "TEXT")]
+    note: Option<String>,
+}
+
+/// Opened inputs.
+#[derive(Debug)]
+pub(super) struct Session {
+    pub(super) latents: Latents,
+    pub(super) path: PathBuf,
+    pub(super) out: PathBuf,
+    pub(super) seed: u64,
+    pub(super) outcome: Outcome,
+    input: Input,
+    about: Value,
+}
+
+impl Session {
+    /// Reads the latents and makes the output folder. `verb` and `options` go into every output.
+    pub(super) fn open(input: &Input, globals: &Globals, verb: &str, options: Value) -> anyhow::Result<Self> {
+        let named = input.latents.clone().or_else(|| input.input.clone());
+        let (path, how) = match &named {
+            Some(path) if path.is_dir() => (newest_latents(path)?, " (the newest there)"),
+            Some(path) => (path.clone(), ""),
+            None => (newest_latents(Path::new("."))?, " (the newest; name others with --latents)"),
+        };
+        let latents = read_latents(&path)?;
+        say(globals, format_args!("latents: {}{how}, {} rows of {} dimensions", path.display(), latents.len(), latents.dims));
+        let out = input.output.clone().unwrap_or_else(|| path.parent().unwrap_or(Path::new(".")).join("figures"));
+        let about = json!({
+            "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": verb, "options": options, "seed": input.seed,
+            "latents": path, "rows": latents.len(), "dims": latents.dims, "checkpoint": latents.source.checkpoint, "note": input.note,
+        });
+        let session = Self { latents, path, out, seed: input.seed, outcome: Outcome::default(), input: input.clone(), about };
+        session.table().with_context(|| format!("these latents cannot be analysed: {}", session.path.display()))?;
+        std::fs::create_dir_all(&session.out).with_context(|| format!("cannot create the folder {}", session.out.display()))?;
+        Ok(session)
+    }
+
+    /// The latents as the measures see them.
+    pub(super) fn table(&self) -> Result<Table<'_>, crate::Error> {
+        let l = &self.latents;
+        Table::new(l.dims, &l.latent, &l.episode, &l.step)?.with_grid(&l.state, &l.distractor)
+    }
+
+    /// A generator for this run; the same seed gives the same output.
+    pub(super) fn rng(&self) -> ChaCha8Rng {
+        ChaCha8Rng::seed_from_u64(self.seed)
+    }
+
+    /// The path of the recording: named, or found by the latents' metadata; none if nothing names one or the user wants none.
+    pub(super) fn recording(&self) -> anyhow::Result<Option<PathBuf>> {
+        if self.input.no_frames {
+            return Ok(None);
+        }
+        if let Some(path) = &self.input.recording {
+            return Ok(Some(path.clone()));
+        }
+        let Some(named) = &self.latents.source.recording else { return Ok(None) };
+        let missing = || InputError::NoRecording { named: named.clone(), path: self.path.clone() };
+        Ok(Some(find_recording(named, &self.path).ok_or_else(missing)?))
+    }
+
+    /// The recording's frames, if there is a recording.
+    pub(super) fn frames(&self) -> anyhow::Result<Option<Frames>> {
+        let Some(path) = self.recording()? else { return Ok(None) };
+        Ok(Some(Frames::open(&path, &self.latents)?))
+    }
+
+    /// The recording's frames, for a verb that cannot go on without.
+    pub(super) fn needed_frames(&self, what: &str) -> anyhow::Result<Frames> {
+        self.frames()?.ok_or_else(|| wrong(format!("{what} needs the recording that the latents were encoded from; name it with --recording: {}", self.path.display())))
+    }
+
+    /// Whether the user asked to go on without the recording.
+    pub(super) fn without_frames(&self) -> bool {
+        self.input.no_frames
+    }
+
+    /// A heading with the user's note.
+    pub(super) fn heading(&self, title: impl Into<String>) -> Heading {
+        Heading::new(title).with_note(self.input.note.clone())
+    }
+
+    /// Writes a figure and lists its files.
+    pub(super) fn save(&mut self, figure: &Figure, stem: &str) -> anyhow::Result<()> {
+        self.outcome.files.extend(figure.save(&self.out, stem)?);
+        Ok(())
+    }
+
+    /// Writes numbers as `STEM.json` with a first field `about` that says where they come from, and keeps them as the verb's result.
+    pub(super) fn write_json(&mut self, stem: &str, numbers: &impl Serialize) -> anyhow::Result<()> {
+        let path = self.out.join(format!("{stem}.json"));
+        let document = output::document(&self.about, numbers)?;
+        output::write_json(&path, &document)?;
+        self.outcome.files.push(path);
+        self.outcome.json = document;
+        Ok(())
+    }
+
+    /// Says something that the reader of the result must know.
+    pub(super) fn remark(&mut self, text: impl Into<String>) {
+        self.outcome.remarks.push(text.into());
+    }
+
+    /// Ends the verb with its line of result.
+    pub(super) fn finish(mut self, line: impl Into<String>) -> Outcome {
+        self.outcome.line = line.into();
+        self.outcome
+    }
+}

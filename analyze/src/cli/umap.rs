@@ -1,0 +1,48 @@
+//! `umap`: all latents as points in the plane.
+
+use serde_json::json;
+
+use super::maps::MapOptions;
+use super::session::{Input, Session};
+use super::{Globals, Outcome};
+use crate::figures::{Coloring, Figure, Map};
+
+/// A map of the latents: figures coloured by step, state and reward, and map.arrow (episode, step, x, y).
+#[derive(Debug, clap::Args)]
+pub(super) struct Options {
+    #[command(flatten)]
+    input: Input,
+    #[command(flatten)]
+    map: MapOptions,
+}
+
+pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
+    let mut session = Session::open(&options.input, globals, "umap", options.map.json())?;
+    let began = std::time::Instant::now();
+    let made = options.map.map(&mut session, globals)?;
+    let seconds = began.elapsed().as_secs_f64();
+    for (stem, coloring, title) in colorings(&session) {
+        let heading = session.heading(format!("{} latents, coloured by {title}", session.latents.len()));
+        let map = Map { heading, axes: options.map.method.name().into(), points: made.points(), coloring };
+        session.save(&Figure::Map(map), &format!("map-by-{stem}"))?;
+    }
+    session.write_json("map", &json!({ "quality": made.quality }))?;
+    let line = format!("umap: {} latents in {seconds:.1} s, {}", session.latents.len(), made.quality_text());
+    Ok(session.finish(line))
+}
+
+/// The colourings that the table has columns for: file stem, colours, name.
+fn colorings(session: &Session) -> Vec<(&'static str, Coloring, &'static str)> {
+    let l = &session.latents;
+    let quantity = |name: &str, values: Vec<f64>| Coloring::Quantity { name: name.into(), values };
+    let mut all = vec![("time", quantity("step", l.step.iter().map(|&s| f64::from(s)).collect()), "time")];
+    for (stem, kinds, title) in [("state", &l.state, "state trajectory"), ("distractor", &l.distractor, "distractor trajectory")] {
+        if kinds.iter().any(Option::is_some) {
+            all.push((stem, Coloring::Kind { name: stem.into(), kinds: kinds.clone() }, title));
+        }
+    }
+    if l.reward.iter().any(Option::is_some) {
+        all.push(("reward", quantity("reward", l.reward.iter().map(|r| r.map_or(f64::NAN, f64::from)).collect()), "reward"));
+    }
+    all
+}

@@ -1,0 +1,114 @@
+//! Curves over training (Figure 3 of the paper): one facet a metric, one line a group of runs, a band for the interval over its runs.
+
+use super::heading::Heading;
+use super::legend;
+use crate::picture::axis::{self, LABEL_SIZE, Scale};
+use crate::picture::color::{Color, kind};
+use crate::picture::font::{Weight, fit};
+use crate::picture::{COLUMN, PAGE, Picture, Point, Rect, TextStyle};
+
+/// One line with its band.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    /// Index into the figure's groups.
+    pub group: usize,
+    /// Positions on the x axis, rising.
+    pub x: Vec<f64>,
+    /// The mean over the group's runs.
+    pub mean: Vec<f64>,
+    /// The interval at each x; empty for a single run.
+    pub band: Vec<(f64, f64)>,
+}
+
+/// One metric.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Facet {
+    /// Its name and unit.
+    pub metric: String,
+    /// Its lines.
+    pub curves: Vec<Curve>,
+}
+
+/// The figure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curves {
+    /// Title and note.
+    pub heading: Heading,
+    /// What the x axis counts, as in "updates".
+    pub axis: String,
+    /// Names of the groups, in the order of their colours.
+    pub groups: Vec<String>,
+    /// The metrics.
+    pub facets: Vec<Facet>,
+}
+
+impl Curves {
+    /// Draws the figure: one facet at column width, more side by side, three to a page's width.
+    #[must_use]
+    pub fn draw(&self) -> Picture {
+        let columns = match self.facets.len() {
+            0 | 1 => 1,
+            2 | 4 => 2,
+            _ => 3,
+        };
+        let width = if columns == 1 { COLUMN } else { PAGE };
+        let rows = self.facets.len().div_ceil(columns).max(1);
+        let (w, h) = ((width - 6.0) / columns as f64, if columns == 1 { 150.0 } else { 128.0 });
+        let key = legend::swatch_height(&self.groups, width - 12.0);
+        let (mut picture, top) = self.heading.picture(width, key + 4.0 + rows as f64 * h);
+        let colors: Vec<Color> = (0..self.groups.len()).map(kind).collect();
+        legend::swatches(&mut picture, (6.0, top), &self.groups, &colors, width - 12.0);
+        for (i, facet) in self.facets.iter().enumerate() {
+            let (x, y) = ((i % columns) as f64 * w, top + key + 4.0 + (i / columns) as f64 * h);
+            facet.draw(&mut picture, Rect::new(x + 34.0, y + 12.0, w - 42.0, h - 38.0), &self.axis);
+        }
+        picture
+    }
+}
+
+impl Facet {
+    fn draw(&self, picture: &mut Picture, area: Rect, axis_title: &str) {
+        let finite = |values: &mut dyn Iterator<Item = f64>| {
+            let (lo, hi) = values.filter(|v| v.is_finite()).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+            if lo <= hi { (lo, hi) } else { (0.0, 1.0) }
+        };
+        let (x0, x1) = finite(&mut self.curves.iter().flat_map(|c| c.x.iter().copied()));
+        let bands = self.curves.iter().flat_map(|c| c.band.iter().flat_map(|b| [b.0, b.1]));
+        let (y0, y1) = finite(&mut self.curves.iter().flat_map(|c| c.mean.iter().copied()).chain(bands));
+        let pad = 0.04 * (y1 - y0);
+        let x = Scale::new(x0, x1, area.x, area.right());
+        let y = Scale::new(y0 - pad, y1 + pad, area.bottom(), area.y);
+        axis::draw_y(picture, area, &y, "");
+        axis::draw_x(picture, area, &x, axis_title);
+        let title = fit(&self.metric, LABEL_SIZE, Weight::Bold, area.w + 30.0);
+        picture.text((area.x - 26.0, area.y - 5.0), title, TextStyle::new(LABEL_SIZE).bold());
+        for curve in &self.curves {
+            curve.draw(picture, &x, &y);
+        }
+    }
+}
+
+impl Curve {
+    fn draw(&self, picture: &mut Picture, x: &Scale, y: &Scale) {
+        let color = kind(self.group);
+        if self.band.len() == self.x.len() && self.x.len() > 1 {
+            let at = |(&v, &b): (&f64, &f64)| (x.at(v), y.at(b));
+            let (lo, hi): (Vec<f64>, Vec<f64>) = self.band.iter().copied().unzip();
+            let mut area: Vec<Point> = self.x.iter().zip(&hi).map(at).collect();
+            area.extend(self.x.iter().zip(&lo).rev().map(at));
+            if area.iter().all(|p| p.1.is_finite()) {
+                picture.polygon(&area, color.alpha(0.22));
+            }
+        }
+        // A value that is not a number breaks the line instead of joining its neighbours.
+        let points: Vec<(f64, f64)> = self.x.iter().copied().zip(self.mean.iter().copied()).collect();
+        for part in points.split(|(_, v)| !v.is_finite()) {
+            let part: Vec<Point> = part.iter().map(|&(a, b)| (x.at(a), y.at(b))).collect();
+            match part.as_slice() {
+                [] => {}
+                [one] => picture.dot(*one, 1.5, color),
+                many => picture.line(many, 1.1, color),
+            }
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! The neighbour sheet (Figures 4b and 5 of the paper): each column a query on top and its nearest neighbours beneath.
+
+use std::sync::Arc;
+
+use super::heading::Heading;
+use crate::picture::color::{Color, FAINT, INK, RULE, kind};
+use crate::picture::font::{Weight, fit};
+use crate::picture::{Anchor, COLUMN, PAGE, Picture, Pixels, Rect, TextStyle};
+
+/// Size of the text under a picture, points.
+const SMALL: f64 = 5.5;
+
+/// One row of the table: which it is, and its picture if there is one.
+#[derive(Clone, Debug)]
+pub struct Thumb {
+    /// `EPISODE:STEP`.
+    pub name: String,
+    /// The frame; none draws an empty frame.
+    pub pixels: Option<Arc<Pixels>>,
+}
+
+/// A query and its neighbours, nearest first.
+#[derive(Clone, Debug)]
+pub struct SheetColumn {
+    /// The query.
+    pub query: Thumb,
+    /// A remark over the query, as in "on goal"; may be empty.
+    pub remark: String,
+    /// The neighbours with their distances.
+    pub neighbours: Vec<(Thumb, f64)>,
+}
+
+/// The sheet.
+#[derive(Clone, Debug)]
+pub struct NeighbourSheet {
+    /// Title and note.
+    pub heading: Heading,
+    /// What the number under each neighbour is, as in "standardized L2 distance".
+    pub distance: String,
+    /// One column a query.
+    pub columns: Vec<SheetColumn>,
+}
+
+/// Measures of a sheet, points.
+struct Layout {
+    per_band: usize,
+    ranks: usize,
+    cell: f64,
+    image: (f64, f64),
+}
+
+impl NeighbourSheet {
+    /// Draws the sheet: up to six queries fill one column of a paper, more fill the page, ten in a band.
+    #[must_use]
+    pub fn draw(&self) -> Picture {
+        let layout = self.layout();
+        let width = if self.columns.len() <= 6 { COLUMN } else { PAGE };
+        let bands = self.columns.len().div_ceil(layout.per_band).max(1);
+        let row = layout.image.1 + SMALL + 4.0;
+        let band = 10.0 + row * (layout.ranks + 1) as f64 + 12.0;
+        let (mut picture, top) = self.heading.picture(width, bands as f64 * band + 10.0);
+        for (i, columns) in self.columns.chunks(layout.per_band).enumerate() {
+            self.band(&mut picture, &layout, columns, top + i as f64 * band);
+        }
+        let foot = format!("Under each picture: episode:step; beneath the query's neighbours: {}.", self.distance);
+        let at = (6.0, picture.height - 5.0);
+        picture.text(at, fit(&foot, 6.0, Weight::Regular, width - 12.0), TextStyle::new(6.0).color(FAINT));
+        picture
+    }
+
+    fn layout(&self) -> Layout {
+        let count = self.columns.len().max(1);
+        let width = if count <= 6 { COLUMN } else { PAGE };
+        let per_band = if count <= 6 { count } else { count.div_ceil(count.div_ceil(10)) };
+        let cell = ((width - 16.0 - 6.0) / per_band as f64).min(72.0);
+        let shown = |c: &SheetColumn| c.query.pixels.iter().chain(c.neighbours.iter().filter_map(|n| n.0.pixels.as_ref())).next().cloned();
+        let aspect = self.columns.iter().find_map(shown).map_or(1.0, |p| f64::from(p.height) / f64::from(p.width.max(1)));
+        let image = (cell - 4.0, (cell - 4.0) * aspect);
+        let ranks = self.columns.iter().map(|c| c.neighbours.len()).max().unwrap_or(0);
+        Layout { per_band, ranks, cell, image }
+    }
+
+    fn band(&self, picture: &mut Picture, layout: &Layout, columns: &[SheetColumn], top: f64) {
+        let row = layout.image.1 + SMALL + 4.0;
+        let middle = |y: f64| y + layout.image.1 / 2.0;
+        let side = TextStyle::new(6.0).anchor(Anchor::Middle).color(INK).upwards();
+        picture.text((11.0, middle(top + 8.0)), "query", side);
+        for rank in 0..layout.ranks {
+            let y = top + 10.0 + row * (rank + 1) as f64 + 3.0;
+            let style = TextStyle::new(6.0).anchor(Anchor::Middle).color(FAINT);
+            picture.text((9.0, middle(y) + 2.0), (rank + 1).to_string(), style);
+        }
+        for (i, column) in columns.iter().enumerate() {
+            self.column(picture, layout, column, (16.0 + i as f64 * layout.cell, top));
+        }
+    }
+
+    fn column(&self, picture: &mut Picture, layout: &Layout, column: &SheetColumn, at: (f64, f64)) {
+        let (w, h) = layout.image;
+        let row = h + SMALL + 4.0;
+        let small = TextStyle::new(SMALL).anchor(Anchor::Middle);
+        let center = at.0 + 2.0 + w / 2.0;
+        picture.text((center, at.1 + 6.0), fit(&column.remark, SMALL, Weight::Regular, w), small.color(FAINT));
+        let rect = Rect::new(at.0 + 2.0, at.1 + 8.0, w, h);
+        thumb(picture, &column.query, rect, kind(0), 1.6);
+        picture.text((center, rect.bottom() + SMALL + 1.0), fit(&column.query.name, SMALL, Weight::Bold, w), small.bold());
+        for (rank, (neighbour, distance)) in column.neighbours.iter().enumerate() {
+            let rect = Rect::new(at.0 + 2.0, at.1 + 13.0 + row * (rank + 1) as f64, w, h);
+            thumb(picture, neighbour, rect, RULE, 0.4);
+            let full = format!("{}  {distance:.2}", neighbour.name);
+            let text = if fit(&full, SMALL, Weight::Regular, w + 3.0) == full { full } else { format!("{distance:.2}") };
+            picture.text((center, rect.bottom() + SMALL + 0.5), text, small);
+        }
+    }
+}
+
+fn thumb(picture: &mut Picture, thumb: &Thumb, rect: Rect, frame: Color, width: f64) {
+    match &thumb.pixels {
+        Some(pixels) => picture.image(pixels.clone(), rect),
+        None => {
+            let style = TextStyle::new(5.0).anchor(Anchor::Middle).color(FAINT);
+            picture.text((rect.x + rect.w / 2.0, rect.y + rect.h / 2.0 + 2.0), "no frame", style);
+        }
+    }
+    picture.frame(rect, width, frame);
+}

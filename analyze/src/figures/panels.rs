@@ -1,0 +1,117 @@
+//! Figure 4a of the paper for any n × m: rows share a state trajectory, columns a distractor trajectory, every panel shows all points in
+//! grey and its own trajectory coloured by time.
+
+use std::sync::Arc;
+
+use super::heading::Heading;
+use super::legend::{self, BAR_ROOM};
+use super::map::{aspect, fit_points};
+use crate::picture::axis::LABEL_SIZE;
+use crate::picture::color::{CONTEXT, FAINT, RULE, viridis};
+use crate::picture::font::{Weight, fit};
+use crate::picture::{Anchor, COLUMN, PAGE, Picture, Point, Rect, TextStyle};
+
+/// The grey background never holds more points than this; more are thinned evenly.
+const MOST: usize = 20_000;
+/// Colours along a trajectory.
+const LEVELS: usize = 24;
+
+/// One cell of the grid.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Panel {
+    /// Row of the grid.
+    pub state: u32,
+    /// Column of the grid.
+    pub distractor: u32,
+    /// Indices into the points, in order of time; empty for a cell that was not recorded.
+    pub rows: Vec<usize>,
+}
+
+/// The figure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Panels {
+    /// Title and note.
+    pub heading: Heading,
+    /// All points of the map.
+    pub points: Vec<[f64; 2]>,
+    /// The rows of the grid that are shown.
+    pub states: Vec<u32>,
+    /// The columns that are shown.
+    pub distractors: Vec<u32>,
+    /// The cells; one that is absent is drawn as not recorded.
+    pub panels: Vec<Panel>,
+}
+
+impl Panels {
+    /// Draws the figure: up to five columns fill one column of a paper, more fill the page.
+    #[must_use]
+    pub fn draw(&self) -> Picture {
+        let (rows, columns) = (self.states.len().max(1), self.distractors.len().max(1));
+        let width = if columns <= 5 { COLUMN } else { PAGE };
+        let (left, gap) = (18.0, 2.5);
+        let side = ((width - left - BAR_ROOM - 8.0) / columns as f64 - gap).min(90.0);
+        let high = side * aspect(&self.points);
+        let (mut picture, top) = self.heading.picture(width, 21.0 + rows as f64 * (high + gap) + 4.0);
+        let top = top + 21.0;
+        let (centers, _) = fit_points(&self.points, side, high);
+        let every = centers.len().div_ceil(MOST).max(1);
+        let cloud: Arc<Vec<Point>> = Arc::new(centers.iter().step_by(every).copied().collect());
+        for (r, &state) in self.states.iter().enumerate() {
+            for (c, &distractor) in self.distractors.iter().enumerate() {
+                let area = Rect::new(left + c as f64 * (side + gap), top + r as f64 * (high + gap), side, high);
+                picture.dots((area.x, area.y), cloud.clone(), dot(side, cloud.len()), CONTEXT);
+                let panel = self.panels.iter().find(|p| p.state == state && p.distractor == distractor);
+                trajectory(&mut picture, area, panel.map_or(&[], |p| &p.rows), &centers);
+            }
+        }
+        self.labels(&mut picture, (left, top), (side, high), gap);
+        let height = (rows as f64 * (high + gap) - gap).min(120.0);
+        let bar = Rect::new(left + columns as f64 * (side + gap) + 4.0, top, 6.0, height);
+        let longest = self.panels.iter().map(|p| p.rows.len()).max().unwrap_or(1).max(2) - 1;
+        legend::color_bar(&mut picture, bar, 0.0, longest as f64, "step");
+        picture
+    }
+
+    fn labels(&self, picture: &mut Picture, at: Point, (side, high): (f64, f64), gap: f64) {
+        let style = TextStyle::new(6.0).anchor(Anchor::Middle);
+        let across = (side + gap) * self.distractors.len() as f64 - gap;
+        let down = (high + gap) * self.states.len() as f64 - gap;
+        let key = TextStyle::new(LABEL_SIZE).anchor(Anchor::Middle).bold();
+        let text = |long: &str, short: &str, room: f64| {
+            if fit(long, LABEL_SIZE, Weight::Bold, room) == long { long.to_string() } else { short.to_string() }
+        };
+        picture.text((at.0 + across / 2.0, at.1 - 12.0), text("same distractor in a column", "distractor", across), key);
+        picture.text((8.0, at.1 + down / 2.0), text("same state in a row", "state", down), key.upwards());
+        for (c, d) in self.distractors.iter().enumerate() {
+            let text = if side > 42.0 { format!("distractor {d}") } else { d.to_string() };
+            picture.text((at.0 + c as f64 * (side + gap) + side / 2.0, at.1 - 3.0), text, style.color(FAINT));
+        }
+        for (r, s) in self.states.iter().enumerate() {
+            let text = if high > 26.0 { format!("state {s}") } else { s.to_string() };
+            picture.text((at.0 - 3.0, at.1 + r as f64 * (high + gap) + high / 2.0), text, style.color(FAINT).upwards());
+        }
+    }
+}
+
+/// The radius of a grey point in a panel, points.
+fn dot(side: f64, count: usize) -> f64 {
+    (0.35 * side / (count.max(1) as f64).sqrt()).clamp(0.25, 0.9)
+}
+
+/// A cell's own rows, coloured by time; drawn as a thin line with a dot at every row.
+fn trajectory(picture: &mut Picture, area: Rect, rows: &[usize], centers: &[Point]) {
+    picture.frame(area, 0.4, RULE);
+    if rows.is_empty() {
+        let style = TextStyle::new(5.5).anchor(Anchor::Middle).color(FAINT);
+        picture.text((area.x + area.w / 2.0, area.y + area.h / 2.0), "not recorded", style);
+        return;
+    }
+    let level = |i: usize| i * LEVELS / rows.len();
+    for l in 0..LEVELS {
+        let list: Vec<Point> = rows.iter().enumerate().filter(|(i, _)| level(*i) == l).map(|(_, &row)| centers[row]).collect();
+        let color = viridis((l as f64 + 0.5) / LEVELS as f64);
+        if !list.is_empty() {
+            picture.dots((area.x, area.y), Arc::new(list), 0.9, color);
+        }
+    }
+}

@@ -1,0 +1,241 @@
+//! Laws that hold for every figure, checked on one example of each.
+
+use std::sync::Arc;
+
+use super::*;
+use crate::picture::{PAGE, Pixels, Shape, font};
+
+fn noise(i: usize) -> f64 {
+    let x = (i as f64 * 12.9898).sin() * 43_758.547;
+    x - x.floor()
+}
+
+fn frame(i: usize) -> Option<Arc<Pixels>> {
+    let rgb = (0..64 * 64).flat_map(|p| {
+        let (x, y) = (p % 64, p / 64);
+        let inside = (x as i64 - 20 - (i as i64 * 7) % 24).pow(2) + (y as i64 - 30).pow(2) < 100;
+        if inside { [230, 190, 40] } else { [(x * 2 + i * 9) as u8, (y * 3) as u8, 120] }
+    });
+    Some(Arc::new(Pixels { width: 64, height: 64, rgb: rgb.collect() }))
+}
+
+fn sheet(queries: usize) -> Figure {
+    let thumb = |i: usize| Thumb { name: format!("{}:{}", i % 100, i * 7 % 250), pixels: frame(i) };
+    let column = |q: usize| SheetColumn {
+        query: thumb(q),
+        remark: if q % 2 == 0 { "on goal" } else { "off goal" }.to_string(),
+        neighbours: (1..=5).map(|k| (thumb(q * 9 + k), 0.4 + 0.37 * k as f64)).collect(),
+    };
+    Figure::NeighbourSheet(NeighbourSheet {
+        heading: Heading::new("Nearest neighbours in the latent space, from other episodes"),
+        distance: "standardized L2 distance".into(),
+        columns: (0..queries).map(column).collect(),
+    })
+}
+
+fn walk() -> Vec<[f64; 2]> {
+    (0..4000)
+        .map(|i| {
+            let (state, t) = (i / 1000, (i % 250) as f64 / 250.0);
+            let angle = 6.0 * t + state as f64 * 1.7;
+            [state as f64 * 1.2 + t * angle.cos() + 0.05 * noise(i), t * angle.sin() + 0.05 * noise(i + 7)]
+        })
+        .collect()
+}
+
+/// One example of each figure, with a name for its files.
+fn examples() -> Vec<(&'static str, Figure)> {
+    let points = walk();
+    let note = Some("300 updates: barely trained, read nothing into this".to_string());
+    let heading = |t: &str| Heading::new(t);
+    let bar = |label: &str, value: f64, chance: Option<f64>| Bar {
+        label: label.into(),
+        value,
+        interval: Some((value - 0.04, value + 0.05)),
+        chance,
+    };
+    vec![
+        ("sheet-20", sheet(20)),
+        ("sheet-6", sheet(6)),
+        (
+            "map-time",
+            Figure::Map(Map {
+                heading: heading("Map of 4,000 latents").with_note(note.clone()),
+                axes: "UMAP".into(),
+                coloring: Coloring::Quantity { name: "step".into(), values: (0..4000).map(|i| (i % 250) as f64).collect() },
+                points: points.clone(),
+            }),
+        ),
+        (
+            "map-state",
+            Figure::Map(Map {
+                heading: heading("Map of 4,000 latents"),
+                axes: "UMAP".into(),
+                coloring: Coloring::Kind { name: "state".into(), kinds: (0..4000).map(|i| Some(i / 400)).collect() },
+                points: points.clone(),
+            }),
+        ),
+        (
+            "panels",
+            Figure::Panels(Panels {
+                heading: heading("All latents in grey, one trajectory coloured by time"),
+                states: (0..4).collect(),
+                distractors: (0..4).collect(),
+                panels: (0..15)
+                    .map(|c| Panel { state: c / 4, distractor: c % 4, rows: (0..250).map(|t| (c as usize) * 250 + t).collect() })
+                    .collect(),
+                points,
+            }),
+        ),
+        (
+            "bars",
+            Figure::Bars(Bars {
+                heading: heading("How much of the latent is state, how much distractor").with_note(note.clone()),
+                groups: vec![
+                    BarGroup {
+                        axis: "share of latent variance".into(),
+                        range: Some((0.0, 1.0)),
+                        bars: vec![bar("state", 0.61, None), bar("distractor", 0.22, None), bar("interaction", 0.17, None)],
+                    },
+                    BarGroup {
+                        axis: "same state found under another distractor".into(),
+                        range: Some((0.0, 1.0)),
+                        bars: vec![bar("retrieval@1", 0.34, Some(0.04)), bar("retrieval@5", 0.62, Some(0.18))],
+                    },
+                ],
+            }),
+        ),
+        (
+            "probes",
+            Figure::ProbeChart(ProbeChart {
+                heading: heading("What a linear probe reads from the latent"),
+                axis: "R² on held-out episodes (accuracy over chance for the video)".into(),
+                sources: vec!["latent".into(), "actions only".into(), "shuffled".into()],
+                rows: ["position[0]", "position[1]", "to_target[0]", "reward", "camera.h", "camera.roll", "video", "color[0]"]
+                    .iter()
+                    .enumerate()
+                    .map(|(i, name)| ProbeRow {
+                        section: if i < 4 { "task quantities: high is good" } else { "distractors: at chance is good" }.into(),
+                        quantity: (*name).into(),
+                        marks: (0..3)
+                            .map(|s| {
+                                let score = if i == 3 && s == 2 { -0.4 } else { (0.9 - 0.1 * i as f64) / (1.0 + 2.0 * s as f64) };
+                                ProbeMark { source: s, score, interval: Some((score - 0.05, score + 0.04)) }
+                            })
+                            .collect(),
+                    })
+                    .collect(),
+            }),
+        ),
+        ("curves-1", Figure::Curves(curves(1))),
+        ("curves-5", Figure::Curves(curves(5))),
+        (
+            "table",
+            Figure::Table(Table {
+                heading: heading("Mean return and 95% interval"),
+                corner: "objective".into(),
+                columns: ["reacher-easy", "cartpole-swingup", "walker-walk"].map(String::from).to_vec(),
+                rows: vec![
+                    ("vibes".into(), vec![entry(930.0, 12.0, true, false), entry(701.0, 29.0, true, false), entry(670.0, 167.0, true, false)]),
+                    ("no-adversary".into(), vec![entry(925.0, 21.0, false, true), entry(606.0, 27.0, false, false), None]),
+                    ("reconstruction".into(), vec![entry(360.0, 280.0, false, false), entry(417.0, 49.0, false, false), None]),
+                ],
+                foot: "bold: best of its column; underlined: interval overlaps with the best".into(),
+            }),
+        ),
+    ]
+}
+
+fn entry(mean: f64, half: f64, best: bool, tied: bool) -> Option<Entry> {
+    Some(Entry { mean, half: Some(half), best, tied })
+}
+
+fn curves(facets: usize) -> Curves {
+    let curve = |g: usize, f: usize| {
+        let x: Vec<f64> = (0..100).map(|i| f64::from(i) * 5000.0).collect();
+        let mean: Vec<f64> = (0..100).map(|i| 900.0 * (1.0 - (-f64::from(i) / (20.0 + 30.0 * (g + f) as f64)).exp())).collect();
+        let band = mean.iter().enumerate().map(|(i, m)| (m - 30.0 - 20.0 * noise(i), m + 30.0 + 20.0 * noise(i + 3))).collect();
+        Curve { group: g, x, mean, band }
+    };
+    Curves {
+        heading: Heading::new("Learning curves, mean and 95% interval over 5 runs"),
+        axis: "environment steps".into(),
+        groups: ["vibes", "no-adversary", "reconstruction"].map(String::from).to_vec(),
+        facets: (0..facets).map(|f| Facet { metric: format!("episode return {f}"), curves: (0..3).map(|g| curve(g, f)).collect() }).collect(),
+    }
+}
+
+#[test]
+fn every_figure_becomes_a_png_of_its_size_and_a_whole_svg() {
+    let dir = tempfile::tempdir().expect("temporary folder");
+    let keep = std::env::var_os("VIBES_KEEP_FIGURES").map(PathBuf::from);
+    let folder = keep.as_deref().unwrap_or(dir.path());
+    for (name, figure) in examples() {
+        let picture = figure.draw();
+        let files = figure.save(folder, name).expect(name);
+        let png = image::open(&files[0]).expect(name).to_rgb8();
+        assert_eq!(png.width(), (picture.width / 72.0 * png::DPI).round() as u32, "{name}");
+        assert_eq!(png.height(), (picture.height / 72.0 * png::DPI).round() as u32, "{name}");
+        let inked = png.pixels().filter(|p| p.0 != [255; 3]).count();
+        assert!(inked * 100 > png.pixels().len(), "{name} is nearly empty");
+        let svg = std::fs::read_to_string(&files[1]).expect(name);
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"), "{name}");
+        assert!(!svg.contains("NaN") && !svg.contains("inf"), "{name} has a coordinate that is no number");
+        assert!(!svg.replace("http://www.w3.org/", "").contains("http"), "{name} refers to the network");
+    }
+}
+
+#[test]
+fn no_figure_is_wider_than_a_page_and_all_text_is_legible() {
+    for (name, figure) in examples() {
+        let picture = figure.draw();
+        assert!(picture.width <= PAGE + 0.01, "{name}: {}", picture.width);
+        for shape in &picture.shapes {
+            if let Shape::Text { style, text, .. } = shape {
+                assert!(style.size >= 5.0, "{name}: {text:?} at {} pt", style.size);
+            }
+        }
+    }
+}
+
+#[test]
+fn no_text_leaves_its_picture_or_lies_on_another() {
+    for (name, figure) in examples() {
+        let picture = figure.draw();
+        let boxes: Vec<(String, [f64; 4])> = picture.shapes.iter().filter_map(text_box).collect();
+        for (text, b) in &boxes {
+            let inside = b[0] >= -0.5 && b[1] >= -0.5 && b[2] <= picture.width + 0.5 && b[3] <= picture.height + 0.5;
+            assert!(inside, "{name}: {text:?} leaves the picture: {b:?} of {} x {}", picture.width, picture.height);
+        }
+        for (i, (a, p)) in boxes.iter().enumerate() {
+            for (b, q) in &boxes[i + 1..] {
+                let apart = p[2] <= q[0] + 0.3 || q[2] <= p[0] + 0.3 || p[3] <= q[1] + 0.3 || q[3] <= p[1] + 0.3;
+                assert!(apart, "{name}: {a:?} and {b:?} overlap: {p:?} {q:?}");
+            }
+        }
+    }
+}
+
+/// A text's box (left, top, right, bottom): the height of capitals above the baseline, a little below it.
+fn text_box(shape: &Shape) -> Option<(String, [f64; 4])> {
+    let Shape::Text { at, text, style } = shape else { return None };
+    if text.is_empty() {
+        return None;
+    }
+    let w = font::width(text, style.size, style.weight);
+    let from = -crate::picture::svg::offset(style.anchor) * w;
+    let (up, down) = (0.73 * style.size, 0.16 * style.size);
+    let b = if style.upwards {
+        [at.0 - up, at.1 - from - w, at.0 + down, at.1 - from]
+    } else {
+        [at.0 + from, at.1 - up, at.0 + from + w, at.1 + down]
+    };
+    Some((text.clone(), b))
+}
+
+#[test]
+fn the_same_figure_gives_the_same_bytes() {
+    for (name, figure) in examples() {
+        assert_eq!(svg::render(&figure.draw()), svg::render(&figure.draw()), "{name}");
+    }
+}

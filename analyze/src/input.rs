@@ -1,0 +1,97 @@
+//! Reading what others wrote: tables of latents, the pictures of a recording, the metrics of runs.
+//!
+//! Everything is checked here, once: the modules behind it trust what they get.
+
+mod found;
+mod frames;
+mod latents;
+mod npy;
+mod run;
+
+use std::path::PathBuf;
+
+pub use found::{find_recording, newest_latents};
+pub use frames::Frames;
+pub use latents::read_latents;
+pub use run::{Run, Series};
+
+/// Why an input could not be read: the fact, what would be right, the path.
+#[derive(Debug, thiserror::Error)]
+pub enum InputError {
+    /// The operating system refused.
+    #[error("cannot read: {source}: {path}")]
+    Io {
+        /// The system's answer.
+        source: std::io::Error,
+        /// The file.
+        path: PathBuf,
+    },
+    /// There are no latents to be found.
+    #[error("no latents found (looked for runs/**/latents*.arrow); name a table with --latents, or write one with `vibes-train encode RUN RECORDING`: {path}")]
+    NoLatents {
+        /// The folder that was searched.
+        path: PathBuf,
+    },
+    /// A file of another kind.
+    #[error("{fact}; a table of latents is an Arrow, Parquet, npy or npz file: {path}")]
+    NotATable {
+        /// What was found.
+        fact: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// Columns are missing.
+    #[error("column {missing} is missing (found: {found}); needed are episode, step (integers) and latent (a list of floats a row): {path}")]
+    MissingColumn {
+        /// The missing column.
+        missing: String,
+        /// The columns that are there.
+        found: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A column holds what it must not.
+    #[error("column {column}: {fact}; {expected}: {path}")]
+    Column {
+        /// Its name.
+        column: String,
+        /// What was found.
+        fact: String,
+        /// What would be right.
+        expected: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// The latents name a recording that is not there.
+    #[error("the recording {named} that these latents were encoded from is not there; name it with --recording, or go on without pictures with --no-frames: {path}")]
+    NoRecording {
+        /// What the latents' metadata says.
+        named: String,
+        /// The latents.
+        path: PathBuf,
+    },
+    /// Latents and recording do not belong together.
+    #[error("these latents were not encoded from this recording: {fact}: {path}")]
+    OtherRecording {
+        /// The first contradiction.
+        fact: String,
+        /// The recording.
+        path: PathBuf,
+    },
+    /// A folder that is no run.
+    #[error("no metrics here (a run is a folder with a metrics.jsonl): {path}")]
+    NoRun {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A recording that cannot be read.
+    #[error(transparent)]
+    Recording(#[from] vibes_data::Error),
+}
+
+impl InputError {
+    fn io(path: &std::path::Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_path_buf();
+        move |source| Self::Io { source, path }
+    }
+}

@@ -1,0 +1,105 @@
+//! The recording behind a table of latents: its pictures, its task state and its distractor parameters, by row.
+//!
+//! In: the recording and the latents' row keys, checked to belong together. Out: pictures one at a time (episodes are memory-mapped), and
+//! columns of numbers for the whole table.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use vibes_data::{EpisodeView, Latents, Recording};
+
+use super::InputError;
+use crate::picture::Pixels;
+
+/// A recording, opened and checked against a table of latents.
+#[derive(Debug)]
+pub struct Frames {
+    recording: Recording,
+    views: BTreeMap<u32, EpisodeView>,
+}
+
+impl Frames {
+    /// Opens the recording and every episode that the latents name.
+    ///
+    /// # Errors
+    /// [`InputError::Recording`] if it cannot be read, [`InputError::OtherRecording`] if it lacks an episode or row, or has it in another
+    /// cell of the grid.
+    pub fn open(path: &Path, latents: &Latents) -> Result<Self, InputError> {
+        let recording = Recording::open(path)?;
+        let mut views: BTreeMap<u32, EpisodeView> = BTreeMap::new();
+        let other = |fact: String| InputError::OtherRecording { fact, path: path.into() };
+        for row in 0..latents.len() {
+            let (episode, step) = (latents.episode[row], latents.step[row]);
+            if let std::collections::btree_map::Entry::Vacant(place) = views.entry(episode) {
+                if !recording.episodes().iter().any(|e| e.index == episode) {
+                    return Err(other(format!("it has no episode {episode}")));
+                }
+                place.insert(recording.episode(episode)?);
+            }
+            let view = &views[&episode];
+            if step as usize >= view.rows() {
+                return Err(other(format!("step {step} of episode {episode} is past its {} rows", view.rows())));
+            }
+            let cell = view.cell().map(|c| (c.state, c.distractor));
+            let claimed = latents.state[row].zip(latents.distractor[row]);
+            if claimed.is_some() && claimed != cell {
+                return Err(other(format!("episode {episode} lies in cell {cell:?} of its grid, the latents say {claimed:?}")));
+            }
+        }
+        Ok(Self { recording, views })
+    }
+
+    /// The recording.
+    #[must_use]
+    pub fn recording(&self) -> &Recording {
+        &self.recording
+    }
+
+    /// One episode of the latents, memory-mapped.
+    #[must_use]
+    pub fn view(&self, episode: u32) -> Option<&EpisodeView> {
+        self.views.get(&episode)
+    }
+
+    /// The picture of a row; none if the recording has no pictures or this one is missing.
+    #[must_use]
+    pub fn picture(&self, episode: u32, step: u32) -> Option<Arc<Pixels>> {
+        let size = self.recording.manifest().spec.pixels?;
+        let rgb = self.views.get(&episode)?.pixels(step as usize);
+        (rgb.len() == size.bytes()).then(|| Arc::new(Pixels { width: size.width, height: size.height, rgb: rgb.to_vec() }))
+    }
+
+    /// The task's vector observation of every row of the latents, `[rows, observation]`.
+    #[must_use]
+    pub fn observations(&self, latents: &Latents) -> Vec<f64> {
+        self.rows(latents, |view, step| view.observation(step).iter().map(|&v| f64::from(v)).collect())
+    }
+
+    /// The camera of every row, `[rows, 4]`: r, h, v, roll.
+    #[must_use]
+    pub fn cameras(&self, latents: &Latents) -> Vec<f64> {
+        self.rows(latents, |view, step| {
+            let c = view.camera(step);
+            vec![c.r, c.h, c.v, c.roll]
+        })
+    }
+
+    /// The material colours of every row, `[rows, 3 · materials]`.
+    #[must_use]
+    pub fn colors(&self, latents: &Latents) -> Vec<f64> {
+        self.rows(latents, |view, step| view.colors(step).iter().map(|&v| f64::from(v)).collect())
+    }
+
+    /// The background of every row as (video, frame), `[rows]`; none for the model's own sky.
+    #[must_use]
+    pub fn backgrounds(&self, latents: &Latents) -> Vec<Option<(u32, u32)>> {
+        let at = |row: usize| self.views.get(&latents.episode[row])?.background(latents.step[row] as usize);
+        (0..latents.len()).map(|row| at(row).map(|b| (b.video, b.frame))).collect()
+    }
+
+    fn rows(&self, latents: &Latents, of: impl Fn(&EpisodeView, usize) -> Vec<f64>) -> Vec<f64> {
+        let at = |row: usize| self.views.get(&latents.episode[row]).map(|view| of(view, latents.step[row] as usize));
+        (0..latents.len()).filter_map(at).flatten().collect()
+    }
+}
