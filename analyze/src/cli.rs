@@ -13,7 +13,7 @@ mod maps;
 mod nn;
 //mod probe;
 //mod report;
-//mod scene;
+mod scene;
 mod session;
 //mod symmetry;
 mod umap;
@@ -63,7 +63,7 @@ enum Verb {
     //Symmetry(symmetry::Options),
     //Curves(curves::Options),
     //Compare(compare::Options),
-    //Scene(scene::Options),
+    Scene(scene::Options),
     //Report(report::Options),
     //Bench(bench::Options),
 }
@@ -129,7 +129,7 @@ pub fn run(args: impl Iterator<Item = OsString>) -> Result<(), Stop> {
         //Verb::Symmetry(options) => symmetry::run(options, globals),
         //Verb::Curves(options) => curves::run(options, globals),
         //Verb::Compare(options) => compare::run(options, globals),
-        //Verb::Scene(options) => scene::run(options, globals),
+        Verb::Scene(options) => scene::run(options, globals),
         //Verb::Report(options) => report::run(options, globals),
         //Verb::Bench(options) => bench::run(options, globals),
     }?;

@@ -6,13 +6,19 @@
 mod error;
 mod table;
 
+pub mod cli;
 pub mod curves;
+pub mod figures;
+pub mod input;
 pub mod intervals;
 pub mod invariance;
 pub mod neighbours;
+pub mod output;
 pub mod pca;
+pub mod picture;
 pub mod probes;
 pub mod quality;
+pub mod scene;
 pub mod symmetry;
 pub mod umap;
 

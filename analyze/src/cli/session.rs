@@ -59,11 +59,11 @@ impl Session {
         let (path, how) = match &named {
             Some(path) if path.is_dir() => (newest_latents(path)?, " (the newest there)"),
             Some(path) => (path.clone(), ""),
-            None => (newest_latents(Path::new("."))?, " (the newest; name others with --latents)"),
+            None => (newest_latents(Path::new("."))?.strip_prefix(".").map(Path::to_path_buf).unwrap_or_default(), " (the newest; name others with --latents)"),
         };
         let latents = read_latents(&path)?;
         say(globals, format_args!("latents: {}{how}, {} rows of {} dimensions", path.display(), latents.len(), latents.dims));
-        let out = input.output.clone().unwrap_or_else(|| path.parent().unwrap_or(Path::new(".")).join("figures"));
+        let out = input.output.clone().unwrap_or_else(|| path.parent().unwrap_or(Path::new("")).join("figures"));
         let about = json!({
             "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": verb, "options": options, "seed": input.seed,
             "latents": path, "rows": latents.len(), "dims": latents.dims, "checkpoint": latents.source.checkpoint, "note": input.note,
@@ -107,6 +107,11 @@ impl Session {
     /// The recording's frames, for a verb that cannot go on without.
     pub(super) fn needed_frames(&self, what: &str) -> anyhow::Result<Frames> {
         self.frames()?.ok_or_else(|| wrong(format!("{what} needs the recording that the latents were encoded from; name it with --recording: {}", self.path.display())))
+    }
+
+    /// The user's note.
+    pub(super) fn note(&self) -> Option<&str> {
+        self.input.note.as_deref()
     }
 
     /// Whether the user asked to go on without the recording.

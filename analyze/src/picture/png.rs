@@ -153,3 +153,18 @@ fn push(path: &mut PathBuilder, segment: Segment, dx: f64) {
         Segment::Close => path.close(),
     }
 }
+
+/// The bytes of a JPEG file; `quality` of 100.
+///
+/// # Errors
+/// If the pixels do not fill the stated size.
+pub fn encode_jpeg(pixels: &Pixels, quality: u8) -> Result<Vec<u8>, image::ImageError> {
+    let mut bytes = Vec::new();
+    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality).write_image(
+        &pixels.rgb,
+        pixels.width,
+        pixels.height,
+        image::ExtendedColorType::Rgb8,
+    )?;
+    Ok(bytes)
+}
