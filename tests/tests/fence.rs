@@ -36,8 +36,10 @@ const PACKAGES: &[(&str, &[&[&str]])] = &[
             &[
                 "vibes-data",
                 "rerun",
-                "plotters",
+                "ab_glyph",
+                "tiny-skia",
                 "linfa",
+                "linfa-linalg",
                 "linfa-reduction",
                 "ndarray",
                 "kiddo",
