@@ -3,7 +3,7 @@
 //! In: a task's name, a start (drawn or given), actions. Out: observations and rewards. An episode's start is a value ([`Start`]), and every
 //! episode goes through it, so that a recording's first row is enough to simulate the episode again.
 
-use crate::spec::{ActionSpec, ObservationPart};
+use vibes_data::{ActionSpec, ObservationPart};
 use rand::RngCore;
 use serde::{Deserialize, Serialize};
 

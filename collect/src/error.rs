@@ -28,6 +28,17 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
+    /// The recording's files refused.
+    #[error(transparent)]
+    Data(#[from] vibes_data::Error),
+    /// A recorded episode is not what the simulator and the renderer make of it.
+    #[error("episode {index}: {fact}; the recording and this build should agree")]
+    Differs {
+        /// The episode.
+        index: u32,
+        /// What differs.
+        fact: String,
+    },
     /// A name that is not in its list.
     #[error("unknown {what} {name}; known are {known}")]
     UnknownName {
@@ -149,6 +160,10 @@ impl Error {
     }
 
     pub(crate) fn malformed(path: impl Into<PathBuf>, fact: impl Into<String>, expected: impl Into<String>) -> Self {
-        Self::Malformed { fact: fact.into(), expected: expected.into(), path: path.into() }
+        Self::Malformed {
+            fact: fact.into(),
+            expected: expected.into(),
+            path: path.into(),
+        }
     }
 }

@@ -1,22 +1,25 @@
-//! Collecting: MuJoCo tasks of the Distracting Control Suite, policies that act in them, and the trajectories they make.
+//! Collecting: MuJoCo tasks of the Distracting Control Suite, policies that act in them, distractors, pictures, and the recorder.
 //!
-//! An [`Environment`] is a task under a clock; a [`Policy`] chooses its actions; [`rollout`] makes a [`StateTrajectory`] of the two. A [`Trace`]
-//! is an episode in JSON, to compare simulations with.
-//!
-//! [`distractors`] walk at random, apart from the physics; [`render`] lays them over states and draws; [`videos`] are what the background shows.
+//! An [`Environment`] is a task under a clock; a [`Policy`] chooses its actions; [`rollout`] makes a [`StateTrajectory`] of the two. A
+//! [`distractors::DistractorTrajectory`] says what changes in the picture, a [`render::Renderer`] draws the two together, and
+//! [`recorder::record`] writes episodes. A [`Trace`] is an episode in JSON, to compare simulations with.
 
+pub mod cli;
 pub mod distractor_trace;
 pub mod distractors;
 mod environment;
 mod error;
 mod gaussian;
 mod physics;
+pub mod plan;
 mod policies;
+pub mod recorder;
 pub mod render;
 mod rollout;
-mod spec;
+pub mod studio;
 mod tasks;
 mod trace;
+pub mod verify;
 pub mod videos;
 
 pub use environment::{Environment, EnvironmentOptions, Start};
@@ -25,6 +28,5 @@ pub use gaussian::standard_normal;
 pub use physics::{ModelOverrides, Physics, Snapshot};
 pub use policies::{Planner, PlannerSettings, Policy, PolicyMix, PolicySpec};
 pub use rollout::{StateTrajectory, rollout};
-pub use spec::{ActionSpec, ObservationPart};
 pub use tasks::{EPISODE_CONTROL_STEPS, KNOWN_SLIDE, Sigmoid, Sinusoid, Task, Tolerance, known_reward, task_names};
 pub use trace::{TRACE_FORMAT, Trace, TraceErrors};

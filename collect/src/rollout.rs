@@ -47,6 +47,11 @@ impl StateTrajectory {
     }
 }
 
+/// An action as a recording keeps it, in single precision: what is executed is what is stored, so that a recording simulates again exactly.
+fn as_recorded(action: Vec<f64>) -> Vec<f64> {
+    action.into_iter().map(|number| f64::from(number as f32)).collect()
+}
+
 /// Rolls a policy through an episode of at most `steps` agent steps. The seed gives the start and the policy's choices, each from a generator of its own,
 /// so that two policies can be compared from the same start.
 pub fn rollout(environment: &mut Environment, policy: &mut Policy, steps: u32, seed: u64) -> Result<StateTrajectory> {
@@ -64,7 +69,7 @@ pub fn rollout(environment: &mut Environment, policy: &mut Policy, steps: u32, s
     };
     trajectory.push_row(environment);
     for _ in 0..steps {
-        let action = policy.act(environment, &mut choices)?;
+        let action = as_recorded(policy.act(environment, &mut choices)?);
         trajectory.rewards.push(environment.step(&action)?);
         trajectory.actions.push(action);
         trajectory.push_row(environment);

@@ -18,7 +18,7 @@ mod walker;
 
 use std::fmt::Debug;
 
-use crate::spec::ObservationPart;
+use vibes_data::ObservationPart;
 use rand::RngCore;
 
 pub use known_slide::known_reward;

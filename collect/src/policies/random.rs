@@ -1,6 +1,6 @@
 //! The random policy: every number of the action uniform in its bounds, anew at every agent step.
 
-use crate::spec::ActionSpec;
+use vibes_data::ActionSpec;
 use rand::{Rng, RngCore};
 
 /// Draws an action.

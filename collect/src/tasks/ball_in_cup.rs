@@ -1,6 +1,6 @@
 //! `ball_in_cup-catch`: swing a ball on a string into the cup. Reward 1 while the ball is inside (`dm_control/suite/ball_in_cup.py`).
 
-use crate::spec::ObservationPart;
+use vibes_data::ObservationPart;
 use rand::{Rng, RngCore};
 
 use super::{Actuation, Loaded, Task, part};

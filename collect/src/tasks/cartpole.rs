@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use crate::spec::ObservationPart;
+use vibes_data::ObservationPart;
 use rand::RngCore;
 
 use super::{Actuation, Loaded, Sigmoid, Task, Tolerance, part};

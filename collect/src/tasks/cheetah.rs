@@ -1,6 +1,6 @@
 //! `cheetah-run`: run forwards; the reward grows with speed up to 10 m/s (`dm_control/suite/cheetah.py`).
 
-use crate::spec::ObservationPart;
+use vibes_data::ObservationPart;
 use rand::{Rng, RngCore};
 
 use super::{Actuation, Loaded, Sigmoid, Task, Tolerance, part};

@@ -1,6 +1,6 @@
 //! `finger-spin`: keep a free body spinning by flicking it; reward 1 while it turns fast enough (`dm_control/suite/finger.py`).
 
-use crate::spec::ObservationPart;
+use vibes_data::ObservationPart;
 use rand::RngCore;
 
 use super::random_joints::randomize_joints;

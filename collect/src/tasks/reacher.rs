@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::spec::ObservationPart;
+use vibes_data::ObservationPart;
 use rand::{Rng, RngCore};
 
 use super::random_joints::randomize_joints;

@@ -6,7 +6,7 @@
 use std::fmt::Write;
 use std::ops::RangeInclusive;
 
-use crate::spec::ObservationPart;
+use vibes_data::ObservationPart;
 use rand::{Rng, RngCore};
 
 use super::random_joints::randomize_joints;

@@ -1,6 +1,6 @@
 //! `walker-walk`: stand up and walk forwards at 1 m/s (`dm_control/suite/walker.py`).
 
-use crate::spec::ObservationPart;
+use vibes_data::ObservationPart;
 use rand::RngCore;
 
 use super::random_joints::randomize_joints;

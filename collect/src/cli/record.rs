@@ -1,0 +1,207 @@
+//! `vibes-collect [OPTIONS]`: records.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Result, bail};
+use clap::Args;
+use vibes_data::{Grid, Recording};
+
+use super::{Outcome, OutputArgs, show};
+use crate::distractors::{Axes, Difficulty, DistractorSettings};
+use crate::plan::RecordOptions;
+use crate::recorder::{RecordRun, record};
+use crate::render::Look;
+use crate::videos::{VideoSet, VideoSource};
+use crate::{Environment, EnvironmentOptions, PolicyMix, PolicySpec};
+
+/// Episodes when neither a grid nor a number is asked for.
+const DEFAULT_EPISODES: u32 = 10;
+
+#[derive(Debug, Args)]
+pub(super) struct RecordArgs {
+    /// Task: ball_in_cup-catch, cartpole-swingup, cheetah-run, finger-spin, reacher-easy, walker-walk, swimmer-N.
+    #[arg(long, default_value = "reacher-easy")]
+    task: String,
+    /// State trajectories × distractor trajectories, as in 10x10.
+    #[arg(long, value_parser = parse_grid, conflicts_with = "episodes")]
+    grid: Option<Grid>,
+    /// Independent episodes, each with its own distractors [default: 10].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=999_999))]
+    episodes: Option<u32>,
+    /// Behaviour: random, planner, planner:noise=SIGMA or actions:FILE.
+    #[arg(long, default_value = "random", conflicts_with = "mix")]
+    policy: PolicySpec,
+    /// Several behaviours with weights, as in random:0.3,planner:noise=0.3:0.4,planner:0.3.
+    #[arg(long)]
+    mix: Option<PolicyMix>,
+    /// How far the distractors go: easy, medium or hard.
+    #[arg(long, default_value = "easy")]
+    difficulty: Difficulty,
+    /// Distractors move during an episode (the default).
+    #[arg(long, conflicts_with = "static")]
+    dynamic: bool,
+    /// Distractors keep what they are at the start of the episode.
+    #[arg(long = "static")]
+    r#static: bool,
+    /// Which distractors: background, camera, color, or all, or none.
+    #[arg(long, value_name = "LIST", default_value = "all")]
+    distract: Axes,
+    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS [default: the built-in procedural videos].
+    #[arg(long, value_name = "DIR")]
+    videos: Option<PathBuf>,
+    /// train or val.
+    #[arg(long, default_value = "train")]
+    video_set: VideoSet,
+    /// Number of videos [default: the suite's for the difficulty: 4, 8 or all].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    video_count: Option<u16>,
+    /// Side of the pictures, pixels.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=2048))]
+    size: u32,
+    /// Record no pictures, only states (for tasks from vectors).
+    #[arg(long)]
+    no_pixels: bool,
+    /// fast, or suite for pixels as the Distracting Control Suite's own.
+    #[arg(long, default_value = "fast")]
+    render: Look,
+    /// Control steps per agent step [default: the task's].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    action_repeat: Option<u32>,
+    /// Agent steps per episode [default: 1000 control steps].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    steps: Option<u32>,
+    /// One torque per joint for the swimmer, instead of its four-parameter wave.
+    #[arg(long)]
+    raw_torques: bool,
+    /// The seed of everything.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Write no MCAP logs, only Arrow tables.
+    #[arg(long)]
+    no_mcap: bool,
+    /// Worker threads, each with a render context [default: one per core].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    threads: Option<u16>,
+    /// The recording's folder [default: recordings/TASK-NxM or recordings/TASK-N].
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Options from a TOML file; its keys are the long options, and what is typed overrides it.
+    #[arg(long, value_name = "FILE.toml")]
+    config: Option<PathBuf>,
+}
+
+/// `10x10`, with x, X or ×.
+fn parse_grid(text: &str) -> std::result::Result<Grid, String> {
+    let parts: Vec<&str> = text.split(['x', 'X', '×']).collect();
+    let count = |part: &str| part.trim().parse::<u32>().ok().filter(|count| (1..=10_000).contains(count));
+    match parts.as_slice() {
+        [states, distractors] => match (count(states), count(distractors)) {
+            (Some(states), Some(distractors)) if states * distractors < 1_000_000 => Ok(Grid { states, distractors }),
+            _ => Err("a grid has 1 to 10000 rows and columns, and fewer than a million cells".into()),
+        },
+        _ => Err("a grid is states x distractors, as in 10x10".into()),
+    }
+}
+
+impl RecordArgs {
+    fn resolve(&self) -> Result<RecordOptions> {
+        let options = EnvironmentOptions { action_repeat: self.action_repeat, raw_torques: self.raw_torques };
+        let environment = Environment::new(&self.task, options)?;
+        let mix = self.mix.clone().unwrap_or_else(|| PolicyMix::of(self.policy.clone()));
+        let episodes = self.grid.map_or(self.episodes.unwrap_or(DEFAULT_EPISODES), |grid| grid.states * grid.distractors);
+        Ok(RecordOptions {
+            task: self.task.clone(),
+            policy: mix.to_string(),
+            grid: self.grid,
+            episodes,
+            steps: self.steps.unwrap_or(environment.episode_steps()),
+            action_repeat: environment.action_repeat(),
+            raw_torques: self.raw_torques,
+            distractors: DistractorSettings { axes: self.distract, difficulty: self.difficulty, dynamic: !self.r#static },
+            videos: self.videos.clone().map_or(VideoSource::Procedural, VideoSource::Folder),
+            video_set: self.video_set,
+            video_count: self.video_count.map(usize::from),
+            size: (!self.no_pixels).then_some(self.size),
+            look: self.render,
+        })
+    }
+
+    fn folder(&self, options: &RecordOptions) -> PathBuf {
+        let name = match options.grid {
+            Some(Grid { states, distractors }) => format!("{}-{states}x{distractors}", options.task),
+            None => format!("{}-{}", options.task, options.episodes),
+        };
+        self.output.clone().unwrap_or_else(|| PathBuf::from("recordings").join(name))
+    }
+}
+
+#[allow(clippy::print_stdout, clippy::print_stderr, reason = "the command line says what it did")]
+pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
+    let options = args.resolve()?;
+    let folder = args.folder(&options);
+    let stop = stop_on_interrupt()?;
+    let threads = args.threads.map_or_else(cores, usize::from);
+    let run = RecordRun { options: &options, seed: args.seed, threads, with_mcap: !args.no_mcap, stop };
+    let meter = show::Meter::new(u64::from(options.episodes), output.quiet || output.json);
+    let recording = record(&folder, &run, &|progress| meter.tell(progress));
+    meter.finish();
+    let recording = recording?;
+    if output.json {
+        println!("{}", serde_json::json!({ "recording": folder, "episodes": recording.episodes().len(), "seconds": meter.seconds() }));
+    } else if !output.quiet {
+        say(&recording, meter.seconds());
+    }
+    if recording.episodes().len() < options.episodes as usize {
+        bail!(
+            "stopped after {} of {} episodes; the same command goes on: {}",
+            recording.episodes().len(),
+            options.episodes,
+            folder.display()
+        );
+    }
+    Ok(Outcome::Done)
+}
+
+#[allow(clippy::print_stdout, reason = "the command line says what it did")]
+fn say(recording: &Recording, seconds: f64) {
+    let episodes = recording.episodes();
+    let frames: u64 = episodes.iter().map(|entry| u64::from(entry.steps) + 1).sum();
+    let size: u64 = episodes.iter().map(|entry| entry.arrow.bytes + entry.mcap.as_ref().map_or(0, |file| file.bytes)).sum();
+    let mean = episodes.iter().map(|entry| entry.episode_return).sum::<f64>() / episodes.len().max(1) as f64;
+    println!(
+        "{}: {} episodes, {frames} frames, {}, mean return {mean:.1}, in {seconds:.1} s",
+        recording.path().display(),
+        episodes.len(),
+        show::bytes(size)
+    );
+}
+
+/// Ctrl-C finishes the episodes at hand; a second one ends the program at once.
+fn stop_on_interrupt() -> Result<&'static AtomicBool> {
+    static STOP: AtomicBool = AtomicBool::new(false);
+    ctrlc::set_handler(|| {
+        if STOP.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    })?;
+    Ok(&STOP)
+}
+
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grids_are_read_and_malformed_ones_refused() {
+        assert_eq!(parse_grid("10x3"), Ok(Grid { states: 10, distractors: 3 }));
+        assert_eq!(parse_grid("2×2"), Ok(Grid { states: 2, distractors: 2 }));
+        for text in ["", "10", "x10", "0x3", "3x-1", "2x2x2", "10000x10000", "axb"] {
+            assert!(parse_grid(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! Checks a recording against the world: after what `vibes-data` checks of the files, every episode's physics is simulated again from its first row
+//! and its actions, and a few of its pictures are drawn again.
+//!
+//! In: a recording. Out: a [`Verdict`]: what is wrong, and the largest errors seen.
+
+use vibes_data::{EpisodeEntry, EpisodeView, Finding, Recording, verify_episode};
+
+use crate::plan::RecordOptions;
+use crate::recorder::{environment_of, open_videos};
+use crate::render::{RenderSettings, Renderer, View};
+use crate::videos::VideoLibrary;
+use crate::{Environment, ModelOverrides, Result, Start};
+
+/// Physics on one machine is exact; another processor may round differently.
+const QPOS_TOLERANCE: f64 = 1e-6;
+/// Mean absolute error a picture may have, of 255: drivers differ by a few.
+const PICTURE_TOLERANCE: f64 = 3.0;
+
+/// What a check found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Verdict {
+    /// What is wrong, one file a finding.
+    pub findings: Vec<Finding>,
+    /// Largest difference of a position simulated again.
+    pub largest_qpos_error: f64,
+    /// Largest mean difference of a picture drawn again, of 255.
+    pub largest_picture_error: f64,
+    /// Pictures drawn again.
+    pub pictures: usize,
+}
+
+impl Verdict {
+    /// One line for people.
+    pub fn summary(&self, episodes: usize) -> String {
+        let state = if self.findings.is_empty() { "sound" } else { "damaged" };
+        format!(
+            "{state}: {episodes} episodes, {} findings; simulated again: largest position error {:.1e}; {} pictures drawn again: largest mean error {:.2} of 255",
+            self.findings.len(),
+            self.largest_qpos_error,
+            self.pictures,
+            self.largest_picture_error
+        )
+    }
+}
+
+/// Checks a recording; with `simulate` its physics and a sample of its pictures too.
+///
+/// # Errors
+/// When the simulation or the render context cannot be set up; damage is a finding, not an error.
+pub fn verify(recording: &Recording, simulate: bool) -> Result<Verdict> {
+    let mut verdict = Verdict::default();
+    let options: Option<RecordOptions> = serde_json::from_value(recording.manifest().options.clone()).ok();
+    let mut again = match options.filter(|_| simulate) {
+        Some(options) => Some(Again::new(options)?),
+        None => None,
+    };
+    for entry in recording.episodes() {
+        let findings = verify_episode(recording, entry);
+        if let (true, Some(again)) = (findings.is_empty(), &mut again) {
+            let path = recording.path().join(&entry.arrow.path);
+            let fault = recording.episode(entry.index).map_err(Into::into).and_then(|view| again.compare(entry, &view, &mut verdict));
+            verdict.findings.extend(fault.err().map(|error| Finding { path, fault: error.to_string() }));
+        }
+        verdict.findings.extend(findings);
+    }
+    Ok(verdict)
+}
+
+/// A simulation and a render context to compare with.
+struct Again {
+    environment: Environment,
+    renderer: Option<Renderer>,
+    videos: VideoLibrary,
+}
+
+impl Again {
+    fn new(options: RecordOptions) -> Result<Self> {
+        let environment = environment_of(&options)?;
+        let settings = options.size.map(|size| RenderSettings { size: size as usize, look: options.look });
+        let open = |settings| Renderer::new(settings, environment.name(), environment.physics().model());
+        Ok(Self { renderer: settings.map(open).transpose()?, videos: open_videos(&options)?, environment })
+    }
+
+    fn compare(&mut self, entry: &EpisodeEntry, view: &EpisodeView, verdict: &mut Verdict) -> Result<()> {
+        let overrides: ModelOverrides = serde_json::from_value(entry.model_overrides.clone()).unwrap_or_default();
+        let start = Start { qpos: view.qpos(0).to_vec(), qvel: view.qvel(0).to_vec(), model_overrides: overrides, ..Start::default() };
+        self.environment.reset_to(&start)?;
+        let drawn = self.draw_again(view)?;
+        verdict.pictures += drawn.len();
+        verdict.largest_picture_error = drawn.into_iter().fold(verdict.largest_picture_error, f64::max);
+        let mut largest = 0.0_f64;
+        for step in 0..view.steps() {
+            let action: Vec<f64> = view.action(step).iter().map(|&number| f64::from(number)).collect();
+            self.environment.step(&action)?;
+            let found = self.environment.physics().qpos().iter().zip(view.qpos(step + 1));
+            largest = found.fold(largest, |largest, (again, stored)| largest.max((again - stored).abs()));
+        }
+        verdict.largest_qpos_error = verdict.largest_qpos_error.max(largest);
+        let index = entry.index;
+        if largest > QPOS_TOLERANCE {
+            let fact = format!("simulated again, positions differ by {largest:.1e}");
+            return Err(crate::Error::Differs { index, fact });
+        }
+        if verdict.largest_picture_error > PICTURE_TOLERANCE {
+            let fact = format!("drawn again, a picture differs by {:.1} of 255", verdict.largest_picture_error);
+            return Err(crate::Error::Differs { index, fact });
+        }
+        Ok(())
+    }
+
+    /// Mean absolute errors of the first, middle and last picture.
+    fn draw_again(&mut self, view: &EpisodeView) -> Result<Vec<f64>> {
+        let Some(renderer) = &mut self.renderer else { return Ok(Vec::new()) };
+        renderer.set_model(self.environment.physics().model())?;
+        renderer.begin_episode(view.qpos(0))?;
+        let mut picture = vec![0; renderer.picture_bytes()];
+        let mut errors = Vec::new();
+        for row in [0, view.rows() / 2, view.rows() - 1] {
+            let shown = View { camera: Some(view.camera(row)), background: view.background(row), colors: Some(view.colors(row)) };
+            renderer.draw(view.qpos(row), &shown, &self.videos, &mut picture)?;
+            let differences = picture.iter().zip(view.pixels(row)).map(|(&a, &b)| f64::from(a.abs_diff(b)));
+            errors.push(differences.sum::<f64>() / picture.len() as f64);
+        }
+        Ok(errors)
+    }
+}
