@@ -3,19 +3,19 @@
 //! A verb opens its inputs through [`session`], calls the measures, and returns an [`Outcome`]: one line of result, the files it wrote, and
 //! the same as JSON.
 
-//mod bench;
-//mod compare;
+mod bench;
+mod compare;
 mod config;
-//mod curves;
+mod curves;
 mod grid;
-//mod invariance;
+mod invariance;
 mod maps;
 mod nn;
-//mod probe;
-//mod report;
+mod probe;
+mod report;
 mod scene;
 mod session;
-//mod symmetry;
+mod symmetry;
 mod umap;
 
 use std::ffi::OsString;
@@ -58,14 +58,14 @@ enum Verb {
     Nn(nn::Options),
     Umap(umap::Options),
     Grid(grid::Options),
-    //Invariance(invariance::Options),
-    //Probe(probe::Options),
-    //Symmetry(symmetry::Options),
-    //Curves(curves::Options),
-    //Compare(compare::Options),
+    Invariance(invariance::Options),
+    Probe(probe::Options),
+    Symmetry(symmetry::Options),
+    Curves(curves::Options),
+    Compare(compare::Options),
     Scene(scene::Options),
-    //Report(report::Options),
-    //Bench(bench::Options),
+    Report(report::Options),
+    Bench(bench::Options),
 }
 
 /// What a verb has done.
@@ -119,22 +119,27 @@ impl From<anyhow::Error> for Stop {
 pub fn run(args: impl Iterator<Item = OsString>) -> Result<(), Stop> {
     let args = config::expand(args.collect()).map_err(Stop::from)?;
     let cli = Cli::try_parse_from(args).map_err(Stop::Parse)?;
+    let outcome = dispatch(&cli)?;
+    print(&outcome, &cli.globals);
+    Ok(())
+}
+
+/// Runs the verb.
+fn dispatch(cli: &Cli) -> anyhow::Result<Outcome> {
     let globals = &cli.globals;
-    let outcome = match &cli.verb {
+    match &cli.verb {
         Verb::Nn(options) => nn::run(options, globals),
         Verb::Umap(options) => umap::run(options, globals),
         Verb::Grid(options) => grid::run(options, globals),
-        //Verb::Invariance(options) => invariance::run(options, globals),
-        //Verb::Probe(options) => probe::run(options, globals),
-        //Verb::Symmetry(options) => symmetry::run(options, globals),
-        //Verb::Curves(options) => curves::run(options, globals),
-        //Verb::Compare(options) => compare::run(options, globals),
+        Verb::Invariance(options) => invariance::run(options, globals),
+        Verb::Probe(options) => probe::run(options, globals),
+        Verb::Symmetry(options) => symmetry::run(options, globals),
+        Verb::Curves(options) => curves::run(options, globals),
+        Verb::Compare(options) => compare::run(options, globals),
         Verb::Scene(options) => scene::run(options, globals),
-        //Verb::Report(options) => report::run(options, globals),
-        //Verb::Bench(options) => bench::run(options, globals),
-    }?;
-    print(&outcome, globals);
-    Ok(())
+        Verb::Report(options) => report::run(options, globals),
+        Verb::Bench(options) => bench::run(options, globals),
+    }
 }
 
 #[allow(clippy::print_stdout, clippy::print_stderr, reason = "the one place that prints results")]

@@ -6,6 +6,7 @@
 mod error;
 mod table;
 
+pub mod actions;
 pub mod cli;
 pub mod curves;
 pub mod figures;
@@ -18,6 +19,7 @@ pub mod pca;
 pub mod picture;
 pub mod probes;
 pub mod quality;
+pub mod report;
 pub mod scene;
 pub mod symmetry;
 pub mod umap;

@@ -165,7 +165,7 @@ impl Scene<'_> {
 
     fn log_pictures(&self, stream: &RecordingStream, frames: &Frames) -> Result<(), SceneError> {
         let encode = |row: usize| encode_jpeg(&*frames.picture(self.latents.episode[row], self.latents.step[row])?, JPEG_QUALITY).ok();
-        let mut send = |entity: String, rows: Vec<usize>| -> Result<(), SceneError> {
+        let send = |entity: String, rows: Vec<usize>| -> Result<(), SceneError> {
             let known: Vec<(i64, Vec<u8>)> = rows.iter().enumerate().filter_map(|(i, &row)| Some((i as i64, encode(row)?))).collect();
             if known.is_empty() {
                 return Ok(());

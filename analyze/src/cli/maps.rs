@@ -75,6 +75,13 @@ impl MadeMap {
     }
 }
 
+impl Default for MapOptions {
+    fn default() -> Self {
+        let umap = UmapOptions::default();
+        Self { method: Method::Umap, metric: Metric::Euclidean, neighbours: umap.neighbours, min_dist: umap.min_dist, spread: umap.spread, epochs: umap.epochs }
+    }
+}
+
 impl MapOptions {
     /// The options as they go into outputs.
     pub(super) fn json(&self) -> Value {

@@ -40,6 +40,14 @@ pub(super) struct Input {
     note: Option<String>,
 }
 
+impl Input {
+    /// The input of a verb that is run by another.
+    pub(super) fn named(latents: Option<&Path>, recording: Option<&Path>, output: Option<&Path>, seed: u64, note: Option<&str>) -> Self {
+        let owned = |path: Option<&Path>| path.map(Path::to_path_buf);
+        Self { input: owned(latents), latents: None, recording: owned(recording), no_frames: false, output: owned(output), seed, note: note.map(String::from) }
+    }
+}
+
 /// Opened inputs.
 #[derive(Debug)]
 pub(super) struct Session {

@@ -1,0 +1,131 @@
+//! `compare`: two or more tables of latents of the same recording side by side, as from several objectives or checkpoints.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::invariance::{ends, grid, text};
+use super::session::{Input, Session};
+use super::{Globals, Outcome, wrong};
+use crate::figures::{Bar, BarGroup, Bars, Figure};
+use crate::intervals::Interval;
+use crate::invariance::{RetrievalOptions, retrieval, variance};
+use crate::neighbours::{Exclude, Metric, Space, nearest};
+
+/// Invariance of several tables of latents of one recording, and how far they agree on what is near what.
+#[derive(Debug, clap::Args)]
+pub(super) struct Options {
+    /// Tables of latents, or run folders; at least two.
+    #[arg(value_name = "LATENTS", required = true, num_args = 2..)]
+    tables: Vec<PathBuf>,
+    /// Where the output goes [default: the folder `figures` beside the first table].
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// A line under the title of every figure.
+    #[arg(long, value_name = "TEXT")]
+    note: Option<String>,
+}
+
+/// The numbers of one table.
+struct Row {
+    name: String,
+    state: Option<Interval>,
+    distractor: Option<Interval>,
+    found: Option<(Interval, f64)>,
+    near: Vec<Vec<u32>>,
+    json: Value,
+}
+
+/// Rows whose neighbours are compared.
+const QUERIES: usize = 500;
+/// Neighbours compared.
+const K: usize = 10;
+
+pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
+    let mut sessions = Vec::new();
+    for table in &options.tables {
+        let out = options.output.clone().or_else(|| sessions.first().map(|s: &Session| s.out.clone()));
+        let input = Input::named(Some(table), None, out.as_deref(), options.seed, options.note.as_deref());
+        sessions.push(Session::open(&input, globals, "compare", json!({ "tables": options.tables }))?);
+    }
+    same_rows(&sessions)?;
+    let rows = sessions.iter().map(|s| measure(s, &names(&sessions, s))).collect::<anyhow::Result<Vec<_>>>()?;
+    let agreement: Vec<f64> = rows.iter().map(|r| agreement(&rows[0], r)).collect();
+    let mut session = sessions.remove(0);
+    session.save(&Figure::Bars(draw(&session, &rows, &agreement)), "compare")?;
+    let tables: Vec<Value> = rows.iter().zip(&agreement).map(|(r, a)| json!({ "name": r.name, "numbers": r.json, "neighbours_shared_with_first": a })).collect();
+    session.write_json("compare", &json!({ "tables": tables }))?;
+    let parts: Vec<String> = rows.iter().map(|r| format!("{} {}", r.name, r.state.as_ref().map_or_else(|| "no grid".into(), text))).collect();
+    Ok(session.finish(format!("compare: share of variance the state explains: {}", parts.join(", "))))
+}
+
+/// The tables hold the same rows in the same order.
+fn same_rows(sessions: &[Session]) -> anyhow::Result<()> {
+    let first = &sessions[0];
+    for other in &sessions[1..] {
+        if other.latents.episode != first.latents.episode || other.latents.step != first.latents.step {
+            return Err(wrong(format!(
+                "these latents are not of the same rows ({} and {}); encode the same recording with each run: {} and {}",
+                first.latents.len(),
+                other.latents.len(),
+                first.path.display(),
+                other.path.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// A short name for a table: its folder's, unless two are the same.
+fn names(sessions: &[Session], one: &Session) -> String {
+    let folder = |s: &Session| {
+        let whole = std::path::absolute(&s.path).unwrap_or_else(|_e| s.path.clone());
+        whole.parent().and_then(Path::file_name).map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+    };
+    let stem = one.path.file_stem().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    if sessions.iter().filter(|s| folder(s) == folder(one)).count() > 1 { format!("{}/{stem}", folder(one)) } else { folder(one) }
+}
+
+fn measure(session: &Session, name: &str) -> anyhow::Result<Row> {
+    let mut rng = session.rng();
+    let (mut state, mut distractor, mut found, mut json) = (None, None, None, Value::Null);
+    // Latents that are not of a grid still have neighbours to compare.
+    if let Ok(grid) = grid(session.table()?) {
+        let split = variance(&grid, &mut rng)?;
+        let at_1 = retrieval(&grid, RetrievalOptions::default(), &mut rng)?;
+        json = json!({ "variance": split, "retrieval": at_1 });
+        (state, distractor, found) = (Some(split.state), Some(split.distractor), Some((at_1.found, at_1.chance)));
+    }
+    let space = Space::new(session.table()?, Metric::Standardized)?;
+    let count = session.latents.len();
+    let queries: Vec<usize> = (0..QUERIES.min(count)).map(|i| i * count / QUERIES.min(count)).collect();
+    let near = nearest(&space, &queries, K, Exclude::Trajectory)?;
+    let near = (0..queries.len()).map(|q| near.rows(q).to_vec()).collect();
+    Ok(Row { name: name.into(), state, distractor, found, near, json })
+}
+
+/// Share of the first table's neighbours that the other has too.
+fn agreement(first: &Row, other: &Row) -> f64 {
+    let shared: usize = first.near.iter().zip(&other.near).map(|(a, b)| a.iter().filter(|row| b.contains(row)).count()).sum();
+    shared as f64 / (first.near.len() * K) as f64
+}
+
+fn draw(session: &Session, rows: &[Row], agreement: &[f64]) -> Bars {
+    let whole = Some((0.0, 1.0));
+    let group = |axis: &str, of: &dyn Fn(&Row) -> Option<(Interval, Option<f64>)>| {
+        let bar = |r: &Row| of(r).map(|(i, chance)| Bar { label: r.name.clone(), value: i.estimate, interval: ends(&i), chance });
+        BarGroup { axis: axis.into(), range: whole, bars: rows.iter().filter_map(bar).collect() }
+    };
+    let mut groups = vec![
+        group("variance the state explains", &|r| r.state.map(|i| (i, None))),
+        group("variance the distractor explains", &|r| r.distractor.map(|i| (i, None))),
+        group("same state found under another distractor", &|r| r.found.map(|(i, chance)| (i, Some(chance)))),
+    ];
+    groups.retain(|g| !g.bars.is_empty());
+    let bar = |(r, &value): (&Row, &f64)| Bar { label: r.name.clone(), value, interval: None, chance: None };
+    groups.push(BarGroup { axis: format!("share of {K} neighbours in common with {}", rows[0].name), range: whole, bars: rows.iter().zip(agreement).map(bar).collect() });
+    Bars { heading: session.heading("Latents of one recording side by side"), groups }
+}
