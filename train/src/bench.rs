@@ -7,13 +7,14 @@ use burn::tensor::{Device, Distribution, Tensor};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
-use vibes_data::{ActionSpec, ImageSize, ObservationPart, Spec, WindowBatch};
+use vibes_data::{ActionSpec, ImageSize, ObservationPart, Recording, Spec, WindowBatch};
 use vibes_model::{Model, ObservationKind};
 
 use crate::batch::Batch;
 use crate::error::Result;
 use crate::options::Options;
-use crate::update::Learner;
+use crate::update::{Learner, Phases};
+use crate::windows::Windows;
 
 /// Sizes of what is made up.
 #[derive(Debug, Clone, Copy)]
@@ -31,61 +32,80 @@ pub struct Sizes {
 pub struct Report {
     /// One whole update.
     pub update_ms: f64,
-    /// Bytes to tensors.
+    /// Its parts, in order.
+    pub parts: Vec<Part>,
+    /// Bytes to tensors, before every update.
     pub batch_ms: f64,
-    /// Forward pass of the encoder's picture network alone.
-    pub cnn_forward_ms: f64,
-    /// Forward and backward pass of that network.
-    pub cnn_both_ms: f64,
-    /// Forward and backward pass of the encoder's GRU.
-    pub gru_both_ms: f64,
     /// Floating-point operations of all convolutions of an update, in units of 10⁹.
     pub convolution_gflop: f64,
     /// Those operations over a whole update's time.
     pub convolution_gflops: f64,
     /// This machine's product of two 1024×1024 matrices.
     pub matrix_product_gflops: f64,
+    /// Gathering the windows of a batch from a recording, in 10⁹ bytes a second.
+    pub sampling_gigabytes_per_second: Option<f64>,
 }
 
-/// Times updates of these options on made-up windows.
+/// A part of an update, or of what it is made of.
+#[derive(Debug, Clone, Serialize)]
+pub struct Part {
+    /// What.
+    pub name: &'static str,
+    /// How long.
+    pub ms: f64,
+}
+
+/// Times updates of these options on made-up windows, and the gathering of windows from a recording if one is given.
 ///
 /// # Errors
-/// The picture is too small for the network.
-pub fn bench(options: &Options, sizes: Sizes, device: &Device) -> Result<Report> {
+/// The picture is too small for the network, or the recording has no episode as long as a window.
+pub fn bench(options: &Options, sizes: Sizes, recording: Option<&Recording>, device: &Device) -> Result<Report> {
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let observation = ObservationKind::Pixels { height: sizes.picture, width: sizes.picture };
     let config = options.model(&made_up_spec(sizes), observation);
     let mut learner = Learner::new(Model::init(config, &mut rng, device)?, options, device);
     let windows = made_up_windows(options, sizes, &mut rng);
     let autodiff = device.clone().autodiff();
-    let mut batch_times = Vec::new();
-    let mut update_times = Vec::new();
+    let (mut batch_times, mut update_times, mut phases) = (Vec::new(), Vec::new(), Vec::new());
     for _ in 0..=sizes.repeats {
         let begun = Instant::now();
         let batch = Batch::new(&windows, &learner.model.config, options.burn_in, &autodiff)?;
         batch_times.push(ms(begun));
         let begun = Instant::now();
-        learner = learner.update(&batch, options.weights(u64::MAX), options, &mut rng)?.0;
+        let (next, measures) = learner.update(&batch, options.weights(u64::MAX), options, &mut rng)?;
+        learner = next;
         update_times.push(ms(begun));
+        phases.push(measures.phases);
     }
-    // The first update also allocates.
-    let update_ms = median(&mut update_times[1..]);
+    let update_ms = median(&update_times);
     let batch = Batch::new(&windows, &learner.model.config, options.burn_in, &autodiff)?;
-    let (cnn_forward_ms, cnn_both_ms, gru_both_ms) = parts(&learner, &batch, sizes.repeats)?;
+    let mut parts = phase_parts(&phases);
+    parts.extend(layer_parts(&learner, &batch, sizes.repeats)?);
     let convolution_gflop = convolution_gflop(options, sizes, learner.model.adversary.is_some());
     Ok(Report {
         update_ms,
-        batch_ms: median(&mut batch_times[1..]),
-        cnn_forward_ms,
-        cnn_both_ms,
-        gru_both_ms,
+        parts,
+        batch_ms: median(&batch_times),
         convolution_gflop,
         convolution_gflops: convolution_gflop / update_ms * 1e3,
         matrix_product_gflops: matrix_product_gflops(device, sizes.repeats),
+        sampling_gigabytes_per_second: recording.map(|recording| sampling(options, recording, &mut rng)).transpose()?,
     })
 }
 
-fn parts(learner: &Learner, batch: &Batch, repeats: usize) -> Result<(f64, f64, f64)> {
+fn phase_parts(phases: &[Phases]) -> Vec<Part> {
+    let part = |name, of: fn(&Phases) -> f64| Part { name, ms: median(&phases.iter().map(of).collect::<Vec<_>>()) };
+    vec![
+        part("encoder, forward", |phases| phases.encode),
+        part("adversary, whole step", |phases| phases.adversary),
+        part("dynamics, reward, objective", |phases| phases.predict),
+        part("backward", |phases| phases.backward),
+        part("norms and Adam", |phases| phases.step),
+    ]
+}
+
+/// The encoder's layers by themselves.
+fn layer_parts(learner: &Learner, batch: &Batch, repeats: usize) -> Result<Vec<Part>> {
     let encoder = &learner.model.world.encoder;
     let plain = encoder.valid();
     let (mut forward, mut both, mut gru) = (Vec::new(), Vec::new(), Vec::new());
@@ -102,7 +122,21 @@ fn parts(learner: &Learner, batch: &Batch, repeats: usize) -> Result<(f64, f64, 
         drop(encoder.gru.forward(inputs, None).sum().backward());
         gru.push(ms(begun));
     }
-    Ok((median(&mut forward[1..]), median(&mut both[1..]), median(&mut gru[1..])))
+    let part = |name, times: &[f64]| Part { name, ms: median(times) };
+    Ok(vec![
+        part("one CNN alone, forward", &forward),
+        part("one CNN alone, both passes", &both),
+        part("one GRU alone, both passes", &gru),
+    ])
+}
+
+fn sampling(options: &Options, recording: &Recording, rng: &mut impl Rng) -> Result<f64> {
+    let windows = Windows::new(std::slice::from_ref(recording), options.length, options.batch)?;
+    let (begun, mut bytes) = (Instant::now(), 0);
+    while begun.elapsed().as_secs_f64() < 0.5 {
+        bytes += windows.sample(rng).pixels.len();
+    }
+    Ok(bytes as f64 / begun.elapsed().as_secs_f64() / 1e9)
 }
 
 fn matrix_product_gflops(device: &Device, repeats: usize) -> f64 {
@@ -115,7 +149,7 @@ fn matrix_product_gflops(device: &Device, repeats: usize) -> f64 {
         a.clone().matmul(b.clone()).sum().into_scalar::<f32>();
         times.push(ms(begun));
     }
-    2.0 * (SIDE as f64).powi(3) / median(&mut times[1..]) / 1e6
+    2.0 * (SIDE as f64).powi(3) / median(&times) / 1e6
 }
 
 /// Forward, weight gradient, and (but for the pixels) input gradient of every convolution, for the encoder and the adversary.
@@ -171,7 +205,9 @@ fn ms(begun: Instant) -> f64 {
     begun.elapsed().as_secs_f64() * 1e3
 }
 
-fn median(times: &mut [f64]) -> f64 {
+/// The median of all but the first, which also allocates.
+fn median(times: &[f64]) -> f64 {
+    let mut times = times.get(1..).unwrap_or_default().to_vec();
     times.sort_by(f64::total_cmp);
     times.get(times.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -5,6 +5,8 @@
 //! the latents into the adversary's log-likelihood. One pass of the adversary's observation network serves both: its features do not depend on the latents,
 //! so the second step uses those of the first as constants.
 
+use std::time::Instant;
+
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::Rng;
@@ -56,6 +58,23 @@ pub struct Measures {
     pub adversary_gradient_norm: Option<f32>,
     /// Means of the latents: `[rows, latent]`, row-major.
     pub latent_means: Vec<f32>,
+    /// Where the time went.
+    pub phases: Phases,
+}
+
+/// Milliseconds of the parts of an update, as seen by the thread that makes it (a GPU may still be at work on the part before).
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Phases {
+    /// The encoder's forward pass.
+    pub encode: f64,
+    /// All of the adversary's step, and its prediction for the world model's.
+    pub adversary: f64,
+    /// Dynamics, reward and objective.
+    pub predict: f64,
+    /// The backward pass.
+    pub backward: f64,
+    /// Gradient norms and Adam.
+    pub step: f64,
 }
 
 impl Learner {
@@ -78,22 +97,26 @@ impl Learner {
         options: &Options,
         rng: &mut impl Rng,
     ) -> Result<(Self, Measures)> {
+        let mut watch = Stopwatch::start();
         let means = self.model.world.encoder.forward(batch.frames.clone(), batch.previous_actions.clone(), None)?.means;
         let noise = Tensor::<3>::from_data(
             TensorData::new(normal(means.shape().num_elements(), rng), means.dims()),
             &self.device,
         );
         let latents = means.clone() + noise * self.model.config.latent_std;
+        let encode = watch.lap();
         let before_last = Span { length: batch.length - 1 };
         let adversary = match self.model.adversary.take() {
             Some(adversary) => Some(self.adversary_step(adversary, batch, &latents, before_last, options)?),
             None => None,
         };
+        let adversary_ms = watch.lap();
         let predictions = predict(&self.model.world, batch, latents, before_last);
         let value = evaluate(&self.model, batch, &predictions, adversary.as_ref(), weights)?;
         let mut measures = measure(&predictions, &value, adversary.as_ref());
         measures.latent_means = to_values(means.inner());
         drop(predictions);
+        measures.phases = Phases { encode, adversary: adversary_ms, predict: watch.lap(), ..Phases::default() };
         let learner = self.world_step(value, &mut measures, options)?;
         Ok((learner, measures))
     }
@@ -126,11 +149,31 @@ impl Learner {
 
     fn world_step(mut self, value: Value, measures: &mut Measures, options: &Options) -> Result<Self> {
         finite("the objective", measures.objective)?;
+        let mut watch = Stopwatch::start();
         let gradients = NamedGradients::take(&self.model.world, &mut value.objective.neg().backward());
+        measures.phases.backward = watch.lap();
         measures.gradient_norm = finite("the gradient norm", gradients.norm(""))?;
         measures.encoder_gradient_norm = gradients.norm("encoder.");
         self.model.world = self.optimizer.step(self.model.world, gradients, options.lr, options.gradient_clip as f32);
+        measures.phases.step = watch.lap();
         Ok(self)
+    }
+}
+
+struct Stopwatch {
+    begun: Instant,
+}
+
+impl Stopwatch {
+    fn start() -> Self {
+        Self { begun: Instant::now() }
+    }
+
+    /// Milliseconds since the start or the lap before.
+    fn lap(&mut self) -> f64 {
+        let elapsed = self.begun.elapsed().as_secs_f64() * 1e3;
+        self.begun = Instant::now();
+        elapsed
     }
 }
 

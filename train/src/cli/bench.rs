@@ -1,7 +1,10 @@
 //! `vibes-train bench`: how long an update takes, by part.
 
+use std::path::PathBuf;
+
 use anyhow::Result;
 use clap::Args;
+use vibes_data::Recording;
 use vibes_train::bench::{Sizes, bench};
 
 use super::Context;
@@ -9,6 +12,8 @@ use super::flags::OptionArgs;
 
 #[derive(Debug, Args)]
 pub(crate) struct BenchArgs {
+    /// A recording to measure window sampling on.
+    recording: Option<PathBuf>,
     /// Height and width of the pictures.
     #[arg(long, default_value_t = 64)]
     size: usize,
@@ -25,28 +30,27 @@ pub(crate) struct BenchArgs {
 pub(crate) fn run(context: &Context, args: &BenchArgs) -> Result<()> {
     let options = args.options.resolve()?;
     let sizes = Sizes { picture: args.size, actions: args.actions, repeats: args.repeats };
-    let report = bench(&options, sizes, &context.device.open()?)?;
+    let recording = args.recording.as_ref().map(|path| Recording::open(path)).transpose()?;
+    let report = bench(&options, sizes, recording.as_ref(), &context.device.open()?)?;
     if context.json {
         println!("{}", serde_json::to_string(&report)?);
         return Ok(());
     }
+    let (side, depth) = (args.size, options.depth);
     println!(
-        "{} update, batch {} × {}, {size}×{size}, depth {}",
-        options.objective,
-        options.batch,
-        options.length,
-        options.depth,
-        size = args.size
+        "{} update, batch {} × {}, {side}×{side}, depth {depth}",
+        options.objective, options.batch, options.length
     );
-    println!("  whole update                  {:8.1} ms", report.update_ms);
-    println!("  encoder CNN, forward          {:8.1} ms", report.cnn_forward_ms);
-    println!("  encoder CNN, both passes      {:8.1} ms", report.cnn_both_ms);
-    println!("  encoder GRU, both passes      {:8.1} ms", report.gru_both_ms);
-    println!("  bytes to tensors (beside)     {:8.1} ms", report.batch_ms);
-    println!(
-        "  convolutions of an update     {:8.1} GFLOP: {:.0} GFLOP/s over the whole update",
-        report.convolution_gflop, report.convolution_gflops
-    );
-    println!("  matrix product 1024³          {:8.0} GFLOP/s", report.matrix_product_gflops);
+    println!("  {:<30}{:8.1} ms", "whole update", report.update_ms);
+    for part in &report.parts {
+        println!("    {:<28}{:8.1} ms", part.name, part.ms);
+    }
+    println!("  {:<30}{:8.1} ms", "bytes to tensors (before it)", report.batch_ms);
+    let (gflop, gflops) = (report.convolution_gflop, report.convolution_gflops);
+    println!("  {:<30}{gflop:8.1} GFLOP, {gflops:.0} GFLOP/s over the whole update", "convolutions of an update");
+    println!("  {:<30}{:8.0} GFLOP/s", "matrix product 1024³", report.matrix_product_gflops);
+    if let Some(rate) = report.sampling_gigabytes_per_second {
+        println!("  {:<30}{rate:8.2} GB/s", "window sampling");
+    }
     Ok(())
 }

@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result};
 use clap::Args;
 use vibes_data::{Recording, write_atomically};
 use vibes_model::Model;
-use vibes_train::evaluate::{GapOptions, Gaps, Report, evaluate, gaps};
+use vibes_train::evaluate::{GapOptions, Gaps, Probe, Report, evaluate, gaps};
 use vibes_train::run::Run;
 
 use super::Context;
@@ -86,7 +86,8 @@ fn print_report(report: &Report) {
     );
     println!("within a state           {:.3} of all variance", shares.within_state);
     println!("{:<32} {:>8} {:>13} {:>7}", "read by ridge, held out (R²)", "latents", "past actions", "chance");
-    for probe in &report.probes {
+    let is_color = |probe: &&Probe| ["red", "green", "blue"].iter().any(|channel| probe.name.ends_with(channel));
+    for probe in report.probes.iter().filter(|probe| !is_color(probe)) {
         println!(
             "{:<32} {:>8.3} {:>13.3} {:>7.3}",
             format!("{} {}", probe.kind, probe.name),
@@ -94,6 +95,12 @@ fn print_report(report: &Report) {
             probe.actions,
             probe.chance
         );
+    }
+    let colors: Vec<&Probe> = report.probes.iter().filter(is_color).collect();
+    if !colors.is_empty() {
+        let mean = |of: fn(&Probe) -> f64| colors.iter().map(|probe| of(probe)).sum::<f64>() / colors.len() as f64;
+        let name = format!("distractor colours (mean of {})", colors.len());
+        println!("{name:<32} {:>8.3} {:>13.3} {:>7.3}", mean(|probe| probe.latents), mean(|probe| probe.actions), 0.0);
     }
 }
 
