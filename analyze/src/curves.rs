@@ -30,56 +30,27 @@ pub struct CurvePoint {
 /// No run with a finite point, or fewer than two places.
 pub fn mean_curve(runs: &[Vec<(f64, f64)>], places: usize) -> Result<Vec<CurvePoint>, Error> {
     if places < 2 {
-        return Err(Error::Option {
-            option: "places",
-            value: places.to_string(),
-            must: "at least 2",
-        });
+        return Err(Error::Option { option: "places", value: places.to_string(), must: "at least 2" });
     }
-    let runs: Vec<Vec<(f64, f64)>> = runs
-        .iter()
-        .map(|run| sorted(run))
-        .filter(|run| !run.is_empty())
-        .collect();
-    let start = runs
-        .iter()
-        .map(|run| run[0].0)
-        .fold(f64::NEG_INFINITY, f64::max);
-    let end = runs
-        .iter()
-        .map(|run| run[run.len() - 1].0)
-        .fold(f64::NEG_INFINITY, f64::max);
+    let runs: Vec<Vec<(f64, f64)>> = runs.iter().map(|run| sorted(run)).filter(|run| !run.is_empty()).collect();
+    let start = runs.iter().map(|run| run[0].0).fold(f64::NEG_INFINITY, f64::max);
+    let end = runs.iter().map(|run| run[run.len() - 1].0).fold(f64::NEG_INFINITY, f64::max);
     if runs.is_empty() {
-        return Err(Error::TooFewRows {
-            what: "a learning curve: runs with points",
-            needed: 1,
-            found: 0,
-        });
+        return Err(Error::TooFewRows { what: "a learning curve: runs with points", needed: 1, found: 0 });
     }
     let spacing = ((end - start) / (places - 1) as f64).max(0.0);
     let count = if spacing > 0.0 { places } else { 1 };
     let point = |place: usize| {
         let x = start + spacing * place as f64;
-        let values: Vec<f64> = runs
-            .iter()
-            .filter_map(|run| read(run, x, spacing))
-            .collect();
-        CurvePoint {
-            x,
-            y: student(&values),
-            runs: values.len(),
-        }
+        let values: Vec<f64> = runs.iter().filter_map(|run| read(run, x, spacing)).collect();
+        CurvePoint { x, y: student(&values), runs: values.len() }
     };
     Ok((0..count).map(point).collect())
 }
 
 /// Finite points by rising x.
 fn sorted(run: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    let mut run: Vec<(f64, f64)> = run
-        .iter()
-        .copied()
-        .filter(|(x, y)| x.is_finite() && y.is_finite())
-        .collect();
+    let mut run: Vec<(f64, f64)> = run.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
     run.sort_by(|a, b| a.0.total_cmp(&b.0));
     run
 }
@@ -149,45 +120,21 @@ pub fn score_table(runs: &[RunScore]) -> ScoreTable {
     let tasks = in_order(runs.iter().map(|run| &run.task));
     let mut scores: BTreeMap<(&str, &str), Vec<f64>> = BTreeMap::new();
     for run in runs {
-        scores
-            .entry((&run.method, &run.task))
-            .or_default()
-            .push(run.score);
+        scores.entry((&run.method, &run.task)).or_default().push(run.score);
     }
     let entry = |method: &String, task: &String| {
         let scores = scores.get(&(method.as_str(), task.as_str()))?;
-        Some(Entry {
-            score: student(scores),
-            runs: scores.len(),
-            mark: Mark::Plain,
-        })
+        Some(Entry { score: student(scores), runs: scores.len(), mark: Mark::Plain })
     };
-    let mut entries: Vec<Vec<Option<Entry>>> = methods
-        .iter()
-        .map(|method| tasks.iter().map(|task| entry(method, task)).collect())
-        .collect();
-    (0..tasks.len()).for_each(|task| {
-        mark(
-            entries
-                .iter_mut()
-                .filter_map(|row| row[task].as_mut())
-                .collect(),
-        )
-    });
+    let mut entries: Vec<Vec<Option<Entry>>> =
+        methods.iter().map(|method| tasks.iter().map(|task| entry(method, task)).collect()).collect();
+    (0..tasks.len()).for_each(|task| mark(entries.iter_mut().filter_map(|row| row[task].as_mut()).collect()));
     let average = |row: &Vec<Option<Entry>>| {
-        let means: Option<Vec<f64>> = row
-            .iter()
-            .map(|entry| entry.map(|entry| entry.score.estimate))
-            .collect();
+        let means: Option<Vec<f64>> = row.iter().map(|entry| entry.map(|entry| entry.score.estimate)).collect();
         means.map(|means| means.iter().sum::<f64>() / means.len() as f64)
     };
     let averages = entries.iter().map(average).collect();
-    ScoreTable {
-        methods,
-        tasks,
-        entries,
-        averages,
-    }
+    ScoreTable { methods, tasks, entries, averages }
 }
 
 fn in_order<'n>(names: impl Iterator<Item = &'n String>) -> Vec<String> {
@@ -202,11 +149,7 @@ fn in_order<'n>(names: impl Iterator<Item = &'n String>) -> Vec<String> {
 /// Mark the best entry of a column and those whose intervals overlap its. Without an interval an entry stands for its mean alone.
 fn mark(mut column: Vec<&mut Entry>) {
     let reach = |score: Interval, end: f64| if end.is_nan() { score.estimate } else { end };
-    let Some(best) = column
-        .iter()
-        .map(|entry| entry.score)
-        .max_by(|a, b| a.estimate.total_cmp(&b.estimate))
-    else {
+    let Some(best) = column.iter().map(|entry| entry.score).max_by(|a, b| a.estimate.total_cmp(&b.estimate)) else {
         return;
     };
     for entry in &mut column {
@@ -228,25 +171,14 @@ mod tests {
     fn curves_are_averaged_where_runs_have_them() {
         // Two lines on different grids, and one that ends half way.
         let line = |slope: f64, every: f64, end: f64| -> Vec<(f64, f64)> {
-            (0..)
-                .map(|i| f64::from(i) * every)
-                .take_while(|x| *x <= end)
-                .map(|x| (x, slope * x))
-                .collect()
+            (0..).map(|i| f64::from(i) * every).take_while(|x| *x <= end).map(|x| (x, slope * x)).collect()
         };
-        let runs = [
-            line(1.0, 1.0, 100.0),
-            line(3.0, 7.0, 98.0),
-            line(2.0, 0.5, 50.0),
-        ];
+        let runs = [line(1.0, 1.0, 100.0), line(3.0, 7.0, 98.0), line(2.0, 0.5, 50.0)];
         let curve = mean_curve(&runs, 11).unwrap();
         assert_eq!(curve.len(), 11);
         assert_eq!((curve[3].runs, curve[8].runs), (3, 2));
         let (third, eighth) = (curve[3], curve[8]);
-        assert!(
-            (third.x - 30.0).abs() < 1e-9 && (third.y.estimate - 60.0).abs() < 3.0,
-            "{third:?}"
-        );
+        assert!((third.x - 30.0).abs() < 1e-9 && (third.y.estimate - 60.0).abs() < 3.0, "{third:?}");
         assert!((eighth.y.estimate - 160.0).abs() < 4.0, "{eighth:?}");
         // t(2) · s / √3 with s the deviation of 30, 60 and 90.
         assert!((third.y.high - third.y.estimate - 4.3027 * 30.0 / 3.0_f64.sqrt()).abs() < 10.0);
@@ -256,15 +188,10 @@ mod tests {
 
     #[test]
     fn the_best_is_bold_and_the_tied_are_underlined() {
-        let run = |method: &str, task: &str, score| RunScore {
-            method: method.to_owned(),
-            task: task.to_owned(),
-            score,
-        };
+        let run =
+            |method: &str, task: &str, score| RunScore { method: method.to_owned(), task: task.to_owned(), score };
         let scores = |method: &str, task: &str, centre: f64, spread: f64| {
-            [-1.0, 0.0, 1.0]
-                .map(|x| run(method, task, centre + spread * x))
-                .to_vec()
+            [-1.0, 0.0, 1.0].map(|x| run(method, task, centre + spread * x)).to_vec()
         };
         let runs = [
             scores("vibes", "reacher", 900.0, 10.0),
@@ -277,14 +204,8 @@ mod tests {
         assert_eq!(table.methods, ["vibes", "no-adversary", "reconstruction"]);
         assert_eq!(table.tasks, ["reacher", "walker"]);
         let mark = |method: usize, task: usize| table.entries[method][task].map(|entry| entry.mark);
-        assert_eq!(
-            [mark(0, 0), mark(1, 0), mark(2, 0)],
-            [Some(Mark::Best), Some(Mark::Tied), Some(Mark::Plain)]
-        );
-        assert_eq!(
-            [mark(0, 1), mark(1, 1), mark(2, 1)],
-            [Some(Mark::Plain), None, Some(Mark::Best)]
-        );
+        assert_eq!([mark(0, 0), mark(1, 0), mark(2, 0)], [Some(Mark::Best), Some(Mark::Tied), Some(Mark::Plain)]);
+        assert_eq!([mark(0, 1), mark(1, 1), mark(2, 1)], [Some(Mark::Plain), None, Some(Mark::Best)]);
         assert_eq!(table.averages, [Some(800.0), None, Some(405.0)]);
     }
 }

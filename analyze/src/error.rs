@@ -15,9 +15,7 @@ pub enum Error {
         found: usize,
     },
     /// A latent holds NaN or infinity.
-    #[error(
-        "episode {episode}, step {step}: dimension {dim} of the latent is {value}, every value must be finite"
-    )]
+    #[error("episode {episode}, step {step}: dimension {dim} of the latent is {value}, every value must be finite")]
     NotFinite {
         /// Row key.
         episode: u32,
@@ -76,9 +74,7 @@ pub enum Error {
         rows: usize,
     },
     /// The table says nothing about states and distractors.
-    #[error(
-        "no row has a state and a distractor: this needs latents of a recording made with --grid"
-    )]
+    #[error("no row has a state and a distractor: this needs latents of a recording made with --grid")]
     NoGrid,
     /// A cell of the grid has no rows.
     #[error(
@@ -95,9 +91,7 @@ pub enum Error {
         cells: usize,
     },
     /// Two rows claim the same cell and step.
-    #[error(
-        "state {state} under distractor {distractor} has step {step} twice: are these latents of two recordings?"
-    )]
+    #[error("state {state} under distractor {distractor} has step {step} twice: are these latents of two recordings?")]
     RepeatedStep {
         /// The cell.
         state: u32,

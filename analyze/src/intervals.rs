@@ -21,18 +21,10 @@ pub struct Interval {
 pub const RESAMPLES: usize = 1000;
 
 /// A percentile bootstrap: `statistic` gets how often each of `groups` groups was drawn, `[groups]` (all ones for the estimate itself).
-pub fn bootstrap(
-    groups: usize,
-    rng: &mut impl Rng,
-    statistic: impl Fn(&[f64]) -> f64 + Sync,
-) -> Interval {
+pub fn bootstrap(groups: usize, rng: &mut impl Rng, statistic: impl Fn(&[f64]) -> f64 + Sync) -> Interval {
     let estimate = statistic(&vec![1.0; groups]);
     if groups < 2 {
-        return Interval {
-            estimate,
-            low: f64::NAN,
-            high: f64::NAN,
-        };
+        return Interval { estimate, low: f64::NAN, high: f64::NAN };
     }
     let draws: Vec<Vec<f64>> = (0..RESAMPLES)
         .map(|_| {
@@ -41,17 +33,10 @@ pub fn bootstrap(
             counts
         })
         .collect();
-    let mut values: Vec<f64> = draws
-        .par_iter()
-        .map(|counts| statistic(counts))
-        .filter(|value| value.is_finite())
-        .collect();
+    let mut values: Vec<f64> =
+        draws.par_iter().map(|counts| statistic(counts)).filter(|value| value.is_finite()).collect();
     values.sort_unstable_by(f64::total_cmp);
-    Interval {
-        estimate,
-        low: percentile(&values, 0.025),
-        high: percentile(&values, 0.975),
-    }
+    Interval { estimate, low: percentile(&values, 0.025), high: percentile(&values, 0.975) }
 }
 
 /// A percentile of sorted values, linear between them; NaN of none.
@@ -71,34 +56,23 @@ pub fn student(values: &[f64]) -> Interval {
     let count = values.len() as f64;
     let estimate = values.iter().sum::<f64>() / count;
     if values.len() < 2 {
-        return Interval {
-            estimate,
-            low: f64::NAN,
-            high: f64::NAN,
-        };
+        return Interval { estimate, low: f64::NAN, high: f64::NAN };
     }
     let variance = values.iter().map(|x| (x - estimate).powi(2)).sum::<f64>() / (count - 1.0);
     let half = t_quantile(values.len() - 1) * (variance / count).sqrt();
-    Interval {
-        estimate,
-        low: estimate - half,
-        high: estimate + half,
-    }
+    Interval { estimate, low: estimate - half, high: estimate + half }
 }
 
 /// The 97.5% quantile of Student's t.
 fn t_quantile(freedom: usize) -> f64 {
     const TABLE: [f64; 30] = [
-        12.7062, 4.3027, 3.1824, 2.7764, 2.5706, 2.4469, 2.3646, 2.3060, 2.2622, 2.2281, 2.2010,
-        2.1788, 2.1604, 2.1448, 2.1314, 2.1199, 2.1098, 2.1009, 2.0930, 2.0860, 2.0796, 2.0739,
-        2.0687, 2.0639, 2.0595, 2.0555, 2.0518, 2.0484, 2.0452, 2.0423,
+        12.7062, 4.3027, 3.1824, 2.7764, 2.5706, 2.4469, 2.3646, 2.3060, 2.2622, 2.2281, 2.2010, 2.1788, 2.1604,
+        2.1448, 2.1314, 2.1199, 2.1098, 2.1009, 2.0930, 2.0860, 2.0796, 2.0739, 2.0687, 2.0639, 2.0595, 2.0555, 2.0518,
+        2.0484, 2.0452, 2.0423,
     ];
     // Beyond the table, the first terms of its expansion around the normal quantile.
     let expansion = |n: f64| 1.959_964 + 2.372_27 / n + 2.822_5 / (n * n);
-    TABLE
-        .get(freedom - 1)
-        .copied()
-        .unwrap_or_else(|| expansion(freedom as f64))
+    TABLE.get(freedom - 1).copied().unwrap_or_else(|| expansion(freedom as f64))
 }
 
 #[cfg(test)]
@@ -131,19 +105,11 @@ mod tests {
     fn bootstrap_of_a_mean_has_the_known_width() {
         let values: Vec<f64> = (0..200).map(|i| f64::from(i % 10)).collect();
         let mean = |counts: &[f64]| {
-            counts
-                .iter()
-                .zip(&values)
-                .map(|(count, x)| count * x)
-                .sum::<f64>()
-                / counts.iter().sum::<f64>()
+            counts.iter().zip(&values).map(|(count, x)| count * x).sum::<f64>() / counts.iter().sum::<f64>()
         };
         let interval = bootstrap(200, &mut ChaCha8Rng::seed_from_u64(1), mean);
         let expected = 2.0 * 1.96 * (8.25_f64 / 200.0).sqrt();
         assert!((interval.estimate - 4.5).abs() < 1e-12);
-        assert!(
-            ((interval.high - interval.low) / expected - 1.0).abs() < 0.1,
-            "{interval:?} {expected}"
-        );
+        assert!(((interval.high - interval.low) / expected - 1.0).abs() < 0.1, "{interval:?} {expected}");
     }
 }

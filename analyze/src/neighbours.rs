@@ -66,12 +66,8 @@ impl Neighbours {
     pub fn truncated(&self, k: usize) -> Self {
         let k = k.min(self.k);
         let keep = |query: usize| query * self.k..query * self.k + k;
-        let rows = (0..self.queries())
-            .flat_map(|query| self.rows[keep(query)].iter().copied())
-            .collect();
-        let distances = (0..self.queries())
-            .flat_map(|query| self.distances[keep(query)].iter().copied())
-            .collect();
+        let rows = (0..self.queries()).flat_map(|query| self.rows[keep(query)].iter().copied()).collect();
+        let distances = (0..self.queries()).flat_map(|query| self.distances[keep(query)].iter().copied()).collect();
         Self { k, rows, distances }
     }
 }
@@ -80,18 +76,10 @@ impl Neighbours {
 ///
 /// # Errors
 /// `k` of zero, a query past the table, or fewer than `k` rows that may be its neighbours.
-pub fn nearest(
-    space: &Space<'_>,
-    queries: &[usize],
-    k: usize,
-    exclude: Exclude<'_>,
-) -> Result<Neighbours, Error> {
+pub fn nearest(space: &Space<'_>, queries: &[usize], k: usize, exclude: Exclude<'_>) -> Result<Neighbours, Error> {
     let table = space.table();
     if let Some(&row) = queries.iter().find(|&&row| row >= table.rows()) {
-        return Err(Error::NoSuchRow {
-            row,
-            rows: table.rows(),
-        });
+        return Err(Error::NoSuchRow { row, rows: table.rows() });
     }
     let own: Vec<u32>;
     let labels = match exclude {
@@ -102,22 +90,12 @@ pub fn nearest(
         Exclude::Trajectory => table.episode(),
         Exclude::Group(labels) if labels.len() == table.rows() => labels,
         Exclude::Group(labels) => {
-            return Err(Error::Length {
-                what: "group",
-                expected: table.rows(),
-                found: labels.len(),
-            });
+            return Err(Error::Length { what: "group", expected: table.rows(), found: labels.len() });
         }
     };
-    let points: Vec<f32> = queries
-        .iter()
-        .flat_map(|&row| space.prepared(row))
-        .copied()
-        .collect();
+    let points: Vec<f32> = queries.iter().flat_map(|&row| space.prepared(row)).copied().collect();
     let barred: Vec<Option<u32>> = queries.iter().map(|&row| Some(labels[row])).collect();
-    let found = search::nearest(space, &points, &barred, labels, k, |query, row| {
-        space.distance(queries[query], row)
-    })?;
+    let found = search::nearest(space, &points, &barred, labels, k, |query, row| space.distance(queries[query], row))?;
     complete(found, k, |query, found| {
         let excluded = match exclude {
             Exclude::Itself => "row",
@@ -125,13 +103,7 @@ pub fn nearest(
             Exclude::Group(_) => "group",
         };
         let row = queries[query];
-        Error::TooFewNeighbours {
-            episode: table.episode()[row],
-            step: table.step()[row],
-            needed: k,
-            found,
-            excluded,
-        }
+        Error::TooFewNeighbours { episode: table.episode()[row], step: table.step()[row], needed: k, found, excluded }
     })
 }
 
@@ -151,43 +123,22 @@ pub fn graph(space: &Space<'_>, k: usize, exclude: Exclude<'_>) -> Result<Neighb
 pub fn nearest_to(space: &Space<'_>, others: &Table<'_>, k: usize) -> Result<Neighbours, Error> {
     let (table, dims) = (space.table(), space.table().dims());
     if others.dims() != dims {
-        return Err(Error::Length {
-            what: "latent dimensions",
-            expected: dims,
-            found: others.dims(),
-        });
+        return Err(Error::Length { what: "latent dimensions", expected: dims, found: others.dims() });
     }
-    let points: Vec<f32> = others
-        .values()
-        .par_chunks(dims)
-        .flat_map_iter(|latent| space.prepare(latent))
-        .collect();
+    let points: Vec<f32> = others.values().par_chunks(dims).flat_map_iter(|latent| space.prepare(latent)).collect();
     let barred = vec![None; others.rows()];
-    let distance =
-        |query: usize, row: usize| space.distance_between(others.row(query), table.row(row));
+    let distance = |query: usize, row: usize| space.distance_between(others.row(query), table.row(row));
     let found = search::nearest(space, &points, &barred, table.episode(), k, distance)?;
-    complete(found, k, |_, found| Error::TooFewRows {
-        what: "the neighbour search",
-        needed: k,
-        found,
-    })
+    complete(found, k, |_, found| Error::TooFewRows { what: "the neighbour search", needed: k, found })
 }
 
 /// Flatten, or report the first query that has fewer than `k` neighbours.
-fn complete(
-    found: Vec<Vec<(f64, u32)>>,
-    k: usize,
-    short: impl Fn(usize, usize) -> Error,
-) -> Result<Neighbours, Error> {
+fn complete(found: Vec<Vec<(f64, u32)>>, k: usize, short: impl Fn(usize, usize) -> Error) -> Result<Neighbours, Error> {
     if let Some(query) = found.iter().position(|near| near.len() < k) {
         return Err(short(query, found[query].len()));
     }
     let rows = found.iter().flatten().map(|&(_, row)| row).collect();
-    let distances = found
-        .iter()
-        .flatten()
-        .map(|&(distance, _)| distance)
-        .collect();
+    let distances = found.iter().flatten().map(|&(distance, _)| distance).collect();
     Ok(Neighbours { k, rows, distances })
 }
 

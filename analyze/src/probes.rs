@@ -64,13 +64,7 @@ pub struct ProbeOptions {
 
 impl Default for ProbeOptions {
     fn default() -> Self {
-        Self {
-            hold_out: HoldOut::State,
-            folds: 5,
-            neighbours: 10,
-            metric: Metric::Standardized,
-            knn_rows: 5000,
-        }
+        Self { hold_out: HoldOut::State, folds: 5, neighbours: 10, metric: Metric::Standardized, knn_rows: 5000 }
     }
 }
 
@@ -107,11 +101,7 @@ pub fn probe(
     let groups = groups(table, options.hold_out)?;
     let count = groups.iter().max().map_or(0, |&last| last as usize + 1);
     if count < 2 {
-        return Err(Error::TooFewRows {
-            what: "a probe: trajectories",
-            needed: 2,
-            found: count,
-        });
+        return Err(Error::TooFewRows { what: "a probe: trajectories", needed: 2, found: count });
     }
     let folds = folds(count, options.folds, rng);
     let fold: Vec<u32> = groups.iter().map(|&group| folds[group as usize]).collect();
@@ -122,29 +112,18 @@ pub fn probe(
         let (rows, predicted, control) = match probe {
             Probe::Ridge => {
                 let rows: Vec<usize> = (0..table.rows()).collect();
-                (
-                    rows,
-                    ridge::predict(table, &targets, &fold)?,
-                    ridge::predict(table, &shuffled, &fold)?,
-                )
+                (rows, ridge::predict(table, &targets, &fold)?, ridge::predict(table, &shuffled, &fold)?)
             }
             Probe::Knn => {
                 let neighbours = knn::Neighbourhoods::new(table, &fold, options, rng)?;
-                (
-                    neighbours.rows.clone(),
-                    neighbours.predict(&targets),
-                    neighbours.predict(&shuffled),
-                )
+                (neighbours.rows.clone(), neighbours.predict(&targets), neighbours.predict(&shuffled))
             }
         };
         for (at, quantity) in quantities.iter().enumerate() {
             let judge = |targets: &Targets, predicted: &[f64], rng: &mut _| {
                 score::score(targets, at, predicted, &rows, &groups, count, rng)
             };
-            let (score, shuffled) = (
-                judge(&targets, &predicted, rng),
-                judge(&shuffled, &control, rng),
-            );
+            let (score, shuffled) = (judge(&targets, &predicted, rng), judge(&shuffled, &control, rng));
             let (measure, chance) = targets.measure(at);
             scores.push(ProbeScore {
                 quantity: quantity.name.clone(),
@@ -172,10 +151,7 @@ fn groups(table: &Table<'_>, hold_out: HoldOut) -> Result<Vec<u32>, Error> {
     let mut names = labels.clone();
     names.sort_unstable();
     names.dedup();
-    Ok(labels
-        .iter()
-        .map(|label| names.partition_point(|name| name < label) as u32)
-        .collect())
+    Ok(labels.iter().map(|label| names.partition_point(|name| name < label) as u32).collect())
 }
 
 /// The fold of each group: a shuffled deal.

@@ -111,26 +111,16 @@ pub fn rotated_pairs(
 ) -> Result<Vec<(usize, usize)>, Error> {
     let rows = table.rows();
     if states.len() != rows {
-        return Err(Error::Length {
-            what: "reacher states",
-            expected: rows,
-            found: states.len(),
-        });
+        return Err(Error::Length { what: "reacher states", expected: rows, found: states.len() });
     }
     let frames: Vec<[f32; 4]> = states.iter().map(|state| state.in_arm_frame()).collect();
-    let apart = |a: usize, b: usize| {
-        (0..4)
-            .map(|dim| (frames[a][dim] - frames[b][dim]).powi(2))
-            .sum::<f32>()
-    };
+    let apart = |a: usize, b: usize| (0..4).map(|dim| (frames[a][dim] - frames[b][dim]).powi(2)).sum::<f32>();
     let partner = |&row: &usize| {
         let mut best = (options.tolerance.powi(2) as f32, None);
         for other in 0..rows {
             let apart = apart(row, other);
             let fits = apart <= best.0 && (apart < best.0 || best.1.is_none());
-            if fits
-                && table.episode()[other] != table.episode()[row]
-                && states[row].turn(states[other]) >= options.turn
+            if fits && table.episode()[other] != table.episode()[row] && states[row].turn(states[other]) >= options.turn
             {
                 best = (apart, Some(other));
             }
@@ -172,92 +162,44 @@ pub fn symmetry(
         });
     }
     if let Some(&(a, b)) = pairs.iter().find(|&&(a, b)| a.max(b) >= rows) {
-        return Err(Error::NoSuchRow {
-            row: a.max(b),
-            rows,
-        });
+        return Err(Error::NoSuchRow { row: a.max(b), rows });
     }
     let space = Space::new(*table, options.metric)?;
-    let drawn: Vec<Vec<usize>> = pairs
-        .iter()
-        .map(|&pair| candidates(table, pair, options.candidates, rng))
-        .collect();
+    let drawn: Vec<Vec<usize>> = pairs.iter().map(|&pair| candidates(table, pair, options.candidates, rng)).collect();
     if let Some(at) = drawn.iter().position(Vec::is_empty) {
         let (episode, step) = (table.episode()[pairs[at].0], table.step()[pairs[at].0]);
-        return Err(Error::TooFewNeighbours {
-            episode,
-            step,
-            needed: 1,
-            found: 0,
-            excluded: "trajectory",
-        });
+        return Err(Error::TooFewNeighbours { episode, step, needed: 1, found: 0, excluded: "trajectory" });
     }
     let compare = |(&(row, rotated), drawn): (&(usize, usize), &Vec<usize>)| {
         let image = image_distance(row, rotated);
-        let images = drawn
-            .iter()
-            .map(|&other| (other, image_distance(row, other)));
+        let images = drawn.iter().map(|&other| (other, image_distance(row, other)));
         let better = |best: (usize, f64), next: (usize, f64)| {
-            if (next.1 - image).abs() < (best.1 - image).abs() {
-                next
-            } else {
-                best
-            }
+            if (next.1 - image).abs() < (best.1 - image).abs() { next } else { best }
         };
         let (matched, matched_image) = images.fold((row, f64::INFINITY), better);
         let (latent, matched_latent) = (space.distance(row, rotated), space.distance(row, matched));
-        SymmetricPair {
-            row,
-            rotated,
-            latent,
-            image,
-            matched,
-            matched_latent,
-            matched_image,
-        }
+        SymmetricPair { row, rotated, latent, image, matched, matched_latent, matched_image }
     };
     let pairs: Vec<SymmetricPair> = pairs.par_iter().zip(&drawn).map(compare).collect();
     let mut episodes: Vec<u32> = pairs.iter().map(|pair| table.episode()[pair.row]).collect();
     episodes.sort_unstable();
     episodes.dedup();
-    let group = |pair: &SymmetricPair| {
-        episodes.partition_point(|&episode| episode < table.episode()[pair.row])
-    };
+    let group = |pair: &SymmetricPair| episodes.partition_point(|&episode| episode < table.episode()[pair.row]);
     let groups: Vec<usize> = pairs.iter().map(group).collect();
     let total = |counts: &[f64], part: &dyn Fn(&SymmetricPair) -> f64| -> f64 {
-        pairs
-            .iter()
-            .zip(&groups)
-            .map(|(pair, &group)| counts[group] * part(pair))
-            .sum()
+        pairs.iter().zip(&groups).map(|(pair, &group)| counts[group] * part(pair)).sum()
     };
-    let ratio = |counts: &[f64]| {
-        total(counts, &|pair| pair.latent) / total(counts, &|pair| pair.matched_latent)
-    };
+    let ratio = |counts: &[f64]| total(counts, &|pair| pair.latent) / total(counts, &|pair| pair.matched_latent);
     let nearer = |pair: &SymmetricPair| f64::from(u8::from(pair.latent < pair.matched_latent));
     let closer = |counts: &[f64]| total(counts, &nearer) / total(counts, &|_| 1.0);
-    let (ratio, closer) = (
-        bootstrap(episodes.len(), rng, ratio),
-        bootstrap(episodes.len(), rng, closer),
-    );
-    Ok(Symmetry {
-        ratio,
-        closer,
-        pairs,
-    })
+    let (ratio, closer) = (bootstrap(episodes.len(), rng, ratio), bootstrap(episodes.len(), rng, closer));
+    Ok(Symmetry { ratio, closer, pairs })
 }
 
 /// Random rows of other trajectories, the rotation itself left out; a row may be drawn twice.
-fn candidates(
-    table: &Table<'_>,
-    (row, rotated): (usize, usize),
-    count: usize,
-    rng: &mut impl Rng,
-) -> Vec<usize> {
+fn candidates(table: &Table<'_>, (row, rotated): (usize, usize), count: usize, rng: &mut impl Rng) -> Vec<usize> {
     let drawn = (0..count.max(1)).map(|_| rng.random_range(0..table.rows()));
-    drawn
-        .filter(|&other| other != rotated && table.episode()[other] != table.episode()[row])
-        .collect()
+    drawn.filter(|&other| other != rotated && table.episode()[other] != table.episode()[row]).collect()
 }
 
 #[cfg(test)]
@@ -273,10 +215,7 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         let mut random = |_| {
             let mut draw = |scale: f64| rng.random_range(-scale..scale);
-            ReacherState {
-                joints: [draw(3.0), draw(2.0)],
-                target: [draw(0.2), draw(0.2)],
-            }
+            ReacherState { joints: [draw(3.0), draw(2.0)], target: [draw(0.2), draw(0.2)] }
         };
         let plain: Vec<ReacherState> = (0..400).map(&mut random).collect();
         let (sin, cos) = 2.0_f64.sin_cos();
@@ -296,10 +235,7 @@ mod tests {
         let states = states();
         let episode: Vec<u32> = (0..800).map(|row| row / 20).collect();
         let step: Vec<u32> = (0..800).map(|row| row % 20).collect();
-        let invariant: Vec<f32> = states
-            .iter()
-            .flat_map(|state| state.in_arm_frame())
-            .collect();
+        let invariant: Vec<f32> = states.iter().flat_map(|state| state.in_arm_frame()).collect();
         let absolute: Vec<f32> = states
             .iter()
             .flat_map(|state| {
@@ -311,15 +247,9 @@ mod tests {
                 ]
             })
             .collect();
-        let options = SymmetryOptions {
-            tolerance: 1e-6,
-            ..SymmetryOptions::default()
-        };
+        let options = SymmetryOptions { tolerance: 1e-6, ..SymmetryOptions::default() };
         let picture = |a: usize, b: usize| {
-            (0..4)
-                .map(|dim| f64::from(absolute[a * 4 + dim] - absolute[b * 4 + dim]).powi(2))
-                .sum::<f64>()
-                .sqrt()
+            (0..4).map(|dim| f64::from(absolute[a * 4 + dim] - absolute[b * 4 + dim]).powi(2)).sum::<f64>().sqrt()
         };
         let run = |values: &[f32]| {
             let table = Table::new(4, values, &episode, &step).unwrap();
@@ -330,22 +260,11 @@ mod tests {
             symmetry(&table, &pairs, picture, options, rng).unwrap()
         };
         let symmetric = run(&invariant);
-        assert!(
-            symmetric.ratio.high < 1e-5 && symmetric.closer.estimate == 1.0,
-            "{:?}",
-            symmetric.ratio
-        );
+        assert!(symmetric.ratio.high < 1e-5 && symmetric.closer.estimate == 1.0, "{:?}", symmetric.ratio);
         let absolute = run(&absolute);
-        assert!(
-            (absolute.ratio.estimate - 1.0).abs() < 0.1,
-            "{:?}",
-            absolute.ratio
-        );
+        assert!((absolute.ratio.estimate - 1.0).abs() < 0.1, "{:?}", absolute.ratio);
         let table = Table::new(4, &invariant, &episode, &step).unwrap();
-        let none = SymmetryOptions {
-            turn: 4.0,
-            ..options
-        };
+        let none = SymmetryOptions { turn: 4.0, ..options };
         let refused = rotated_pairs(&table, &states, none, &mut ChaCha8Rng::seed_from_u64(1));
         assert!(matches!(refused, Err(Error::TooFewRows { found: 0, .. })));
     }

@@ -20,50 +20,25 @@ impl<'a> Table<'a> {
     ///
     /// # Errors
     /// No rows, columns of unequal length, or a value that is not finite.
-    pub fn new(
-        dims: usize,
-        values: &'a [f32],
-        episode: &'a [u32],
-        step: &'a [u32],
-    ) -> Result<Self, Error> {
+    pub fn new(dims: usize, values: &'a [f32], episode: &'a [u32], step: &'a [u32]) -> Result<Self, Error> {
         let rows = episode.len();
         if rows == 0 || dims == 0 {
-            return Err(Error::TooFewRows {
-                what: "a table of latents",
-                needed: 1,
-                found: 0,
-            });
+            return Err(Error::TooFewRows { what: "a table of latents", needed: 1, found: 0 });
         }
         check_length("step", step.len(), rows)?;
         check_length("latent", values.len(), rows * dims)?;
         if let Some(at) = values.iter().position(|value| !value.is_finite()) {
             let (row, dim) = (at / dims, at % dims);
-            return Err(Error::NotFinite {
-                episode: episode[row],
-                step: step[row],
-                dim,
-                value: values[at],
-            });
+            return Err(Error::NotFinite { episode: episode[row], step: step[row], dim, value: values[at] });
         }
-        Ok(Self {
-            dims,
-            values,
-            episode,
-            step,
-            state: None,
-            distractor: None,
-        })
+        Ok(Self { dims, values, episode, step, state: None, distractor: None })
     }
 
     /// The same table with each row's cell of the grid: `state` trajectory and `distractor` trajectory `[rows]`.
     ///
     /// # Errors
     /// Columns of another length.
-    pub fn with_grid(
-        mut self,
-        state: &'a [Option<u32>],
-        distractor: &'a [Option<u32>],
-    ) -> Result<Self, Error> {
+    pub fn with_grid(mut self, state: &'a [Option<u32>], distractor: &'a [Option<u32>]) -> Result<Self, Error> {
         check_length("state", state.len(), self.rows())?;
         check_length("distractor", distractor.len(), self.rows())?;
         self.state = Some(state);
@@ -121,13 +96,5 @@ impl<'a> Table<'a> {
 }
 
 fn check_length(what: &'static str, found: usize, expected: usize) -> Result<(), Error> {
-    if found == expected {
-        Ok(())
-    } else {
-        Err(Error::Length {
-            what,
-            expected,
-            found,
-        })
-    }
+    if found == expected { Ok(()) } else { Err(Error::Length { what, expected, found }) }
 }

@@ -51,31 +51,17 @@ pub struct UmapOptions {
 
 impl Default for UmapOptions {
     fn default() -> Self {
-        Self {
-            neighbours: 15,
-            min_dist: 0.1,
-            spread: 1.0,
-            epochs: None,
-            negative_samples: 5,
-            start: Start::Spectral,
-        }
+        Self { neighbours: 15, min_dist: 0.1, spread: 1.0, epochs: None, negative_samples: 5, start: Start::Spectral }
     }
 }
 
 impl UmapOptions {
     fn epochs(&self, rows: usize) -> usize {
-        self.epochs
-            .unwrap_or(if rows <= 10_000 { 500 } else { 200 })
+        self.epochs.unwrap_or(if rows <= 10_000 { 500 } else { 200 })
     }
 
     fn check(&self) -> Result<(), Error> {
-        let refuse = |option, value: String, must| {
-            Err(Error::Option {
-                option,
-                value,
-                must,
-            })
-        };
+        let refuse = |option, value: String, must| Err(Error::Option { option, value, must });
         if self.neighbours < 2 {
             return refuse("neighbours", self.neighbours.to_string(), "at least 2");
         }
@@ -83,11 +69,7 @@ impl UmapOptions {
             return refuse("spread", self.spread.to_string(), "above 0");
         }
         if !(0.0..=self.spread).contains(&self.min_dist) {
-            return refuse(
-                "min-dist",
-                self.min_dist.to_string(),
-                "between 0 and the spread",
-            );
+            return refuse("min-dist", self.min_dist.to_string(), "between 0 and the spread");
         }
         Ok(())
     }
@@ -106,11 +88,7 @@ pub fn neighbour_graph(space: &Space<'_>, options: UmapOptions) -> Result<Neighb
 ///
 /// # Errors
 /// Options out of range, fewer rows than neighbours.
-pub fn umap(
-    space: &Space<'_>,
-    options: UmapOptions,
-    rng: &mut impl Rng,
-) -> Result<Vec<Position>, Error> {
+pub fn umap(space: &Space<'_>, options: UmapOptions, rng: &mut impl Rng) -> Result<Vec<Position>, Error> {
     let neighbours = neighbour_graph(space, options)?;
     umap_of_graph(space.table(), &neighbours, options, rng)
 }
@@ -128,11 +106,7 @@ pub fn umap_of_graph(
     options.check()?;
     let rows = table.rows();
     if neighbours.queries() != rows {
-        return Err(Error::Length {
-            what: "neighbour graph",
-            expected: rows,
-            found: neighbours.queries(),
-        });
+        return Err(Error::Length { what: "neighbour graph", expected: rows, found: neighbours.queries() });
     }
     let graph = FuzzyGraph::new(neighbours);
     let mut positions = start(table, &graph, options.start, rng)?;
@@ -148,12 +122,7 @@ pub fn umap_of_graph(
 }
 
 /// Start positions, stretched to `[0, 10]` along each axis, with a little noise so that no two coincide.
-fn start(
-    table: &Table<'_>,
-    graph: &FuzzyGraph,
-    start: Start,
-    rng: &mut impl Rng,
-) -> Result<Vec<Position>, Error> {
+fn start(table: &Table<'_>, graph: &FuzzyGraph, start: Start, rng: &mut impl Rng) -> Result<Vec<Position>, Error> {
     let components = || pca(table).map(|map| map.positions);
     let spectral = match start {
         Start::Spectral => spectral::start(graph, || components().ok(), rng),
@@ -166,9 +135,7 @@ fn start(
     for axis in 0..2 {
         let (low, high) = positions
             .iter()
-            .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), at| {
-                (low.min(at[axis]), high.max(at[axis]))
-            });
+            .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), at| (low.min(at[axis]), high.max(at[axis])));
         let scale = if high > low { 10.0 / (high - low) } else { 0.0 };
         for at in &mut positions {
             at[axis] = (at[axis] - low) * scale + rng.random_range(-1e-3..1e-3);

@@ -26,12 +26,7 @@ impl<'a> Grid<'a> {
         let missing = missing(&cells, &states, &distractors);
         if let Some(&(state, distractor)) = missing.first() {
             let cells = states.len() * distractors.len();
-            return Err(Error::GridHoles {
-                state,
-                distractor,
-                missing: missing.len(),
-                cells,
-            });
+            return Err(Error::GridHoles { state, distractor, missing: missing.len(), cells });
         }
         Self::of_cells(table, &cells, states, distractors, Vec::new())
     }
@@ -42,21 +37,9 @@ impl<'a> Grid<'a> {
     /// As [`Grid::new`], if fewer than two complete states remain.
     pub fn of_complete_states(table: Table<'a>) -> Result<Self, Error> {
         let (cells, states, distractors) = cells(&table)?;
-        let dropped: BTreeSet<u32> = missing(&cells, &states, &distractors)
-            .iter()
-            .map(|&(state, _)| state)
-            .collect();
-        let states = states
-            .into_iter()
-            .filter(|state| !dropped.contains(state))
-            .collect();
-        Self::of_cells(
-            table,
-            &cells,
-            states,
-            distractors,
-            dropped.into_iter().collect(),
-        )
+        let dropped: BTreeSet<u32> = missing(&cells, &states, &distractors).iter().map(|&(state, _)| state).collect();
+        let states = states.into_iter().filter(|state| !dropped.contains(state)).collect();
+        Self::of_cells(table, &cells, states, distractors, dropped.into_iter().collect())
     }
 
     fn of_cells(
@@ -66,55 +49,25 @@ impl<'a> Grid<'a> {
         distractors: Vec<u32>,
         dropped: Vec<u32>,
     ) -> Result<Self, Error> {
-        for (what, found) in [
-            ("the invariance split: states", states.len()),
-            ("the invariance split: distractors", distractors.len()),
-        ] {
+        for (what, found) in
+            [("the invariance split: states", states.len()), ("the invariance split: distractors", distractors.len())]
+        {
             if found < 2 {
-                return Err(Error::TooFewRows {
-                    what,
-                    needed: 2,
-                    found,
-                });
+                return Err(Error::TooFewRows { what, needed: 2, found });
             }
         }
-        let kept = || {
-            states.iter().flat_map(|&state| {
-                distractors
-                    .iter()
-                    .map(move |&distractor| (state, distractor))
-            })
-        };
+        let kept = || states.iter().flat_map(|&state| distractors.iter().map(move |&distractor| (state, distractor)));
         let mut count: BTreeMap<u32, usize> = BTreeMap::new();
         for cell in kept() {
-            cells[&cell]
-                .keys()
-                .for_each(|&step| *count.entry(step).or_default() += 1);
+            cells[&cell].keys().for_each(|&step| *count.entry(step).or_default() += 1);
         }
         let all = states.len() * distractors.len();
-        let steps: Vec<u32> = count
-            .into_iter()
-            .filter(|&(_, cells)| cells == all)
-            .map(|(step, _)| step)
-            .collect();
+        let steps: Vec<u32> = count.into_iter().filter(|&(_, cells)| cells == all).map(|(step, _)| step).collect();
         if steps.is_empty() {
-            return Err(Error::TooFewRows {
-                what: "the invariance split: steps every cell has",
-                needed: 1,
-                found: 0,
-            });
+            return Err(Error::TooFewRows { what: "the invariance split: steps every cell has", needed: 1, found: 0 });
         }
-        let rows = kept()
-            .flat_map(|cell| steps.iter().map(move |step| cells[&cell][step]))
-            .collect();
-        Ok(Self {
-            table,
-            states,
-            distractors,
-            steps,
-            rows,
-            dropped,
-        })
+        let rows = kept().flat_map(|cell| steps.iter().map(move |step| cells[&cell][step])).collect();
+        Ok(Self { table, states, distractors, steps, rows, dropped })
     }
 
     /// The table.
@@ -164,17 +117,8 @@ fn cells(table: &Table<'_>) -> Result<(Cells, Vec<u32>, Vec<u32>), Error> {
             continue;
         };
         let step = table.step()[row];
-        if cells
-            .entry((state, distractor))
-            .or_default()
-            .insert(step, row)
-            .is_some()
-        {
-            return Err(Error::RepeatedStep {
-                state,
-                distractor,
-                step,
-            });
+        if cells.entry((state, distractor)).or_default().insert(step, row).is_some() {
+            return Err(Error::RepeatedStep { state, distractor, step });
         }
     }
     if cells.is_empty() {
@@ -182,18 +126,10 @@ fn cells(table: &Table<'_>) -> Result<(Cells, Vec<u32>, Vec<u32>), Error> {
     }
     let states: BTreeSet<u32> = cells.keys().map(|&(state, _)| state).collect();
     let distractors: BTreeSet<u32> = cells.keys().map(|&(_, distractor)| distractor).collect();
-    Ok((
-        cells,
-        states.into_iter().collect(),
-        distractors.into_iter().collect(),
-    ))
+    Ok((cells, states.into_iter().collect(), distractors.into_iter().collect()))
 }
 
 fn missing(cells: &Cells, states: &[u32], distractors: &[u32]) -> Vec<(u32, u32)> {
-    let all = states.iter().flat_map(|&state| {
-        distractors
-            .iter()
-            .map(move |&distractor| (state, distractor))
-    });
+    let all = states.iter().flat_map(|&state| distractors.iter().map(move |&distractor| (state, distractor)));
     all.filter(|cell| !cells.contains_key(cell)).collect()
 }

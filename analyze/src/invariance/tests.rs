@@ -16,22 +16,11 @@ struct Rows {
 }
 
 impl Rows {
-    fn new(
-        states: u32,
-        distractors: u32,
-        steps: u32,
-        mut latent: impl FnMut(u32, u32, u32) -> Vec<f32>,
-    ) -> Self {
-        let mut rows = Self {
-            dims: 0,
-            values: vec![],
-            episode: vec![],
-            step: vec![],
-            state: vec![],
-            distractor: vec![],
-        };
-        for (i, j, t) in (0..states)
-            .flat_map(|i| (0..distractors).flat_map(move |j| (0..steps).map(move |t| (i, j, t))))
+    fn new(states: u32, distractors: u32, steps: u32, mut latent: impl FnMut(u32, u32, u32) -> Vec<f32>) -> Self {
+        let mut rows =
+            Self { dims: 0, values: vec![], episode: vec![], step: vec![], state: vec![], distractor: vec![] };
+        for (i, j, t) in
+            (0..states).flat_map(|i| (0..distractors).flat_map(move |j| (0..steps).map(move |t| (i, j, t))))
         {
             let latent = latent(i, j, t);
             rows.dims = latent.len();
@@ -58,44 +47,22 @@ fn generator(seed: u64) -> ChaCha8Rng {
 #[test]
 fn the_split_of_known_effects_is_the_known_split() {
     let sign = |x: u32| if x % 2 == 0 { -1.0 } else { 1.0 };
-    let rows = Rows::new(4, 6, 3, |i, j, t| {
-        vec![
-            2.0 * sign(i) + 100.0,
-            sign(j) - 7.0 * t as f32,
-            0.5 * sign(i) * sign(j),
-        ]
-    });
+    let rows =
+        Rows::new(4, 6, 3, |i, j, t| vec![2.0 * sign(i) + 100.0, sign(j) - 7.0 * t as f32, 0.5 * sign(i) * sign(j)]);
     let grid = Grid::new(rows.table()).unwrap();
     let split = variance(&grid, &mut generator(0)).unwrap();
     let total = 4.0 + 1.0 + 0.25;
-    for (share, expected) in [
-        (split.state, 4.0 / total),
-        (split.distractor, 1.0 / total),
-        (split.interaction, 0.25 / total),
-    ] {
-        assert!(
-            (share.estimate - expected).abs() < 1e-6,
-            "{share:?} {expected}"
-        );
-        assert!(
-            share.low <= share.estimate + 1e-9 && share.estimate <= share.high + 1e-9,
-            "{share:?}"
-        );
+    for (share, expected) in
+        [(split.state, 4.0 / total), (split.distractor, 1.0 / total), (split.interaction, 0.25 / total)]
+    {
+        assert!((share.estimate - expected).abs() < 1e-6, "{share:?} {expected}");
+        assert!(share.low <= share.estimate + 1e-9 && share.estimate <= share.high + 1e-9, "{share:?}");
     }
     // The step moves the second dimension by -7 t: variance 49 · 2/3 over the steps.
     let expected = 1.25 / (total + 49.0 * 2.0 / 3.0);
-    assert!(
-        (split.within_state.estimate - expected).abs() < 1e-6,
-        "{:?} {expected}",
-        split.within_state
-    );
+    assert!((split.within_state.estimate - expected).abs() < 1e-6, "{:?} {expected}", split.within_state);
     assert_eq!(split.by_step.len(), 3);
-    assert!(
-        split
-            .by_step
-            .iter()
-            .all(|step| (step.state - 4.0 / total).abs() < 1e-6)
-    );
+    assert!(split.by_step.iter().all(|step| (step.state - 4.0 / total).abs() < 1e-6));
 }
 
 proptest! {
@@ -128,14 +95,9 @@ proptest! {
 
 #[test]
 fn retrieval_is_certain_for_invariant_latents_and_blind_for_noise() {
-    let state_only = Rows::new(5, 4, 30, |i, j, t| {
-        vec![(7 * i) as f32 + 1e-3 * j as f32, t as f32]
-    });
+    let state_only = Rows::new(5, 4, 30, |i, j, t| vec![(7 * i) as f32 + 1e-3 * j as f32, t as f32]);
     let grid = Grid::new(state_only.table()).unwrap();
-    let options = RetrievalOptions {
-        tolerance: 0,
-        ..RetrievalOptions::default()
-    };
+    let options = RetrievalOptions { tolerance: 0, ..RetrievalOptions::default() };
     let found = retrieval(&grid, options, &mut generator(0)).unwrap();
     assert_eq!((found.found.estimate, found.queries), (1.0, 600));
     assert!((found.chance - 3.0 / (3.0 * 30.0 * 5.0)).abs() < 1e-12);
@@ -144,66 +106,31 @@ fn retrieval_is_certain_for_invariant_latents_and_blind_for_noise() {
     assert!((at_step.chance - 3.0 / 19.0).abs() < 1e-12);
 
     let mut rng = generator(3);
-    let noise = Rows::new(5, 4, 100, |_, _, _| {
-        (0..4).map(|_| rng.random_range(-1.0..1.0)).collect()
-    });
-    let options = RetrievalOptions {
-        k: 5,
-        tolerance: 10,
-        ..options
-    };
-    let found = retrieval(
-        &Grid::new(noise.table()).unwrap(),
-        options,
-        &mut generator(0),
-    )
-    .unwrap();
-    assert!(
-        (found.found.estimate - found.chance).abs() < 0.04,
-        "{found:?}"
-    );
+    let noise = Rows::new(5, 4, 100, |_, _, _| (0..4).map(|_| rng.random_range(-1.0..1.0)).collect());
+    let options = RetrievalOptions { k: 5, tolerance: 10, ..options };
+    let found = retrieval(&Grid::new(noise.table()).unwrap(), options, &mut generator(0)).unwrap();
+    assert!((found.found.estimate - found.chance).abs() < 0.04, "{found:?}");
 
-    let distractor_only = Rows::new(5, 4, 30, |i, j, t| {
-        vec![(7 * j) as f32 + 1e-3 * i as f32, t as f32]
-    });
+    let distractor_only = Rows::new(5, 4, 30, |i, j, t| vec![(7 * j) as f32 + 1e-3 * i as f32, t as f32]);
     let grid = Grid::new(distractor_only.table()).unwrap();
-    let options = RetrievalOptions {
-        tolerance: 0,
-        ..RetrievalOptions::default()
-    };
-    assert_eq!(
-        retrieval_at_step(&grid, Some(3), options, &mut generator(0))
-            .unwrap()
-            .found
-            .estimate,
-        0.0
-    );
+    let options = RetrievalOptions { tolerance: 0, ..RetrievalOptions::default() };
+    assert_eq!(retrieval_at_step(&grid, Some(3), options, &mut generator(0)).unwrap().found.estimate, 0.0);
 }
 
 #[test]
 fn the_answer_does_not_depend_on_the_order_of_rows() {
     let mut rng = generator(1);
     let rows = Rows::new(3, 3, 10, |i, j, _| {
-        vec![
-            i as f32 + rng.random_range(0.0..1.0),
-            j as f32 + rng.random_range(0.0..1.0),
-        ]
+        vec![i as f32 + rng.random_range(0.0..1.0), j as f32 + rng.random_range(0.0..1.0)]
     });
     let mut reversed = Rows::new(0, 0, 0, |_, _, _| vec![]);
     reversed.dims = 2;
-    reversed.values = rows
-        .values
-        .chunks_exact(2)
-        .rev()
-        .flatten()
-        .copied()
-        .collect();
+    reversed.values = rows.values.chunks_exact(2).rev().flatten().copied().collect();
     reversed.episode = rows.episode.iter().rev().copied().collect();
     reversed.step = rows.step.iter().rev().copied().collect();
     reversed.state = rows.state.iter().rev().copied().collect();
     reversed.distractor = rows.distractor.iter().rev().copied().collect();
-    let split =
-        |rows: &Rows| variance(&Grid::new(rows.table()).unwrap(), &mut generator(0)).unwrap();
+    let split = |rows: &Rows| variance(&Grid::new(rows.table()).unwrap(), &mut generator(0)).unwrap();
     assert_eq!(split(&rows), split(&reversed));
 }
 
@@ -218,32 +145,14 @@ fn holes_are_an_error_or_leave_out_their_states() {
     }
     assert!(Grid::new(full.table()).is_ok());
     let refused = Grid::new(holed.table());
-    assert!(matches!(
-        refused,
-        Err(Error::GridHoles {
-            state: 2,
-            distractor: 1,
-            missing: 1,
-            cells: 12
-        })
-    ));
+    assert!(matches!(refused, Err(Error::GridHoles { state: 2, distractor: 1, missing: 1, cells: 12 })));
     let grid = Grid::of_complete_states(holed.table()).unwrap();
     assert_eq!((grid.states(), grid.dropped()), (&[0, 1, 3][..], &[2][..]));
     let no_grid = Table::new(3, &full.values, &full.episode, &full.step).unwrap();
     assert!(matches!(Grid::new(no_grid), Err(Error::NoGrid)));
     let row = Rows::new(1, 3, 5, |_, j, t| vec![j as f32, t as f32]);
-    assert!(matches!(
-        Grid::new(row.table()),
-        Err(Error::TooFewRows { .. })
-    ));
+    assert!(matches!(Grid::new(row.table()), Err(Error::TooFewRows { .. })));
     let mut twice = Rows::new(2, 2, 5, |i, j, t| vec![i as f32, j as f32, t as f32]);
     twice.step[3] = 2;
-    assert!(matches!(
-        Grid::new(twice.table()),
-        Err(Error::RepeatedStep {
-            state: 0,
-            distractor: 0,
-            step: 2
-        })
-    ));
+    assert!(matches!(Grid::new(twice.table()), Err(Error::RepeatedStep { state: 0, distractor: 0, step: 2 })));
 }

@@ -56,10 +56,8 @@ pub struct StepShares {
 /// All latents equal.
 pub fn variance(grid: &Grid<'_>, rng: &mut impl Rng) -> Result<VarianceSplit, Error> {
     let mean = grand_mean(grid);
-    let steps: Vec<Products> = (0..grid.steps().len())
-        .into_par_iter()
-        .map(|step| Products::at(grid, step, &mean))
-        .collect();
+    let steps: Vec<Products> =
+        (0..grid.steps().len()).into_par_iter().map(|step| Products::at(grid, step, &mean)).collect();
     let (states, distractors) = (grid.states().len(), grid.distractors().len());
     let mut all = Products::zero(states);
     steps.iter().for_each(|step| all.add(step));
@@ -67,14 +65,9 @@ pub fn variance(grid: &Grid<'_>, rng: &mut impl Rng) -> Result<VarianceSplit, Er
     let whole = all.sums(&ones, distractors);
     let outer = overall(grid, &mean);
     if whole.state + whole.distractor + whole.interaction == 0.0 {
-        return Err(Error::Constant {
-            what: "the invariance split",
-            rows: grid.table().rows(),
-        });
+        return Err(Error::Constant { what: "the invariance split", rows: grid.table().rows() });
     }
-    let mut interval = |share: fn(Sums) -> f64| {
-        bootstrap(states, rng, |counts| share(all.sums(counts, distractors)))
-    };
+    let mut interval = |share: fn(Sums) -> f64| bootstrap(states, rng, |counts| share(all.sums(counts, distractors)));
     let state = interval(|sums| sums.state / sums.total());
     let distractor = interval(|sums| sums.distractor / sums.total());
     let interaction = interval(|sums| sums.interaction / sums.total());
@@ -95,14 +88,7 @@ pub fn variance(grid: &Grid<'_>, rng: &mut impl Rng) -> Result<VarianceSplit, Er
     };
     let by_step = grid.steps().iter().zip(&steps).map(shares).collect();
     let state_of_noise = (states as f64 - 1.0) / ((states * distractors) as f64 - 1.0);
-    Ok(VarianceSplit {
-        state,
-        distractor,
-        interaction,
-        within_state,
-        by_step,
-        state_of_noise,
-    })
+    Ok(VarianceSplit { state, distractor, interaction, within_state, by_step, state_of_noise })
 }
 
 /// Sums of squares.
@@ -130,16 +116,11 @@ struct Products {
 
 impl Products {
     fn zero(states: usize) -> Self {
-        Self {
-            states,
-            means: vec![0.0; states * states],
-            deviations: vec![0.0; states * states],
-        }
+        Self { states, means: vec![0.0; states * states], deviations: vec![0.0; states * states] }
     }
 
     fn at(grid: &Grid<'_>, step: usize, centre: &[f64]) -> Self {
-        let (states, distractors, dims) =
-            (grid.states().len(), grid.distractors().len(), centre.len());
+        let (states, distractors, dims) = (grid.states().len(), grid.distractors().len(), centre.len());
         let mut means = vec![vec![0.0; dims]; states];
         let mut deviations = vec![vec![0.0; distractors * dims]; states];
         for state in 0..states {
@@ -156,38 +137,23 @@ impl Products {
                 .chunks_exact_mut(dims)
                 .for_each(|z| z.iter_mut().zip(mean).for_each(|(z, mean)| *z -= mean));
         }
-        Self {
-            states,
-            means: gram(&means),
-            deviations: gram(&deviations),
-        }
+        Self { states, means: gram(&means), deviations: gram(&deviations) }
     }
 
     fn add(&mut self, other: &Self) {
-        self.means
-            .iter_mut()
-            .zip(&other.means)
-            .for_each(|(sum, x)| *sum += x);
-        self.deviations
-            .iter_mut()
-            .zip(&other.deviations)
-            .for_each(|(sum, x)| *sum += x);
+        self.means.iter_mut().zip(&other.means).for_each(|(sum, x)| *sum += x);
+        self.deviations.iter_mut().zip(&other.deviations).for_each(|(sum, x)| *sum += x);
     }
 
     /// The split with state i taken `counts[i]` times.
     fn sums(&self, counts: &[f64], distractors: usize) -> Sums {
         let total: f64 = counts.iter().sum();
-        let state = distractors as f64
-            * (diagonal(&self.means, counts) - quadratic(&self.means, counts) / total);
+        let state = distractors as f64 * (diagonal(&self.means, counts) - quadratic(&self.means, counts) / total);
         let within = diagonal(&self.deviations, counts);
         // N Σ_j |mean over i of (z_ij - z_i.)|²
         let distractor = quadratic(&self.deviations, counts) / total;
         debug_assert_eq!(self.states, counts.len());
-        Sums {
-            state: state.max(0.0),
-            distractor,
-            interaction: (within - distractor).max(0.0),
-        }
+        Sums { state: state.max(0.0), distractor, interaction: (within - distractor).max(0.0) }
     }
 }
 
@@ -203,12 +169,7 @@ struct Overall {
 impl Overall {
     fn sum(&self, counts: &[f64]) -> f64 {
         let rows = self.rows_per_state * counts.iter().sum::<f64>();
-        let squares: f64 = self
-            .squares
-            .iter()
-            .zip(counts)
-            .map(|(x, count)| x * count)
-            .sum();
+        let squares: f64 = self.squares.iter().zip(counts).map(|(x, count)| x * count).sum();
         squares - quadratic(&self.sums, counts) / rows
     }
 }
@@ -217,8 +178,7 @@ fn overall(grid: &Grid<'_>, centre: &[f64]) -> Overall {
     let (distractors, steps) = (grid.distractors().len(), grid.steps().len());
     let of_state = |state: usize| {
         let (mut squares, mut sum) = (0.0, vec![0.0; centre.len()]);
-        for (distractor, step) in
-            (0..distractors).flat_map(|distractor| (0..steps).map(move |step| (distractor, step)))
+        for (distractor, step) in (0..distractors).flat_map(|distractor| (0..steps).map(move |step| (distractor, step)))
         {
             let latent = grid.table().row(grid.row(state, distractor, step));
             for dim in 0..centre.len() {
@@ -229,54 +189,29 @@ fn overall(grid: &Grid<'_>, centre: &[f64]) -> Overall {
         }
         (squares, sum)
     };
-    let (squares, sums): (Vec<f64>, Vec<Vec<f64>>) = (0..grid.states().len())
-        .into_par_iter()
-        .map(of_state)
-        .unzip();
-    Overall {
-        squares,
-        sums: gram(&sums),
-        rows_per_state: (distractors * steps) as f64,
-    }
+    let (squares, sums): (Vec<f64>, Vec<Vec<f64>>) = (0..grid.states().len()).into_par_iter().map(of_state).unzip();
+    Overall { squares, sums: gram(&sums), rows_per_state: (distractors * steps) as f64 }
 }
 
 /// Taken off every latent first: sums of squares of numbers near 0 keep their digits.
 fn grand_mean(grid: &Grid<'_>) -> Vec<f64> {
     let mut sum = vec![0.0; grid.table().dims()];
     for &row in &grid.rows {
-        sum.iter_mut()
-            .zip(grid.table().row(row))
-            .for_each(|(sum, &z)| *sum += f64::from(z));
+        sum.iter_mut().zip(grid.table().row(row)).for_each(|(sum, &z)| *sum += f64::from(z));
     }
     sum.iter().map(|sum| sum / grid.rows.len() as f64).collect()
 }
 
 fn gram(vectors: &[Vec<f64>]) -> Vec<f64> {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    vectors
-        .iter()
-        .flat_map(|a| vectors.iter().map(move |b| dot(a, b)))
-        .collect()
+    vectors.iter().flat_map(|a| vectors.iter().map(move |b| dot(a, b))).collect()
 }
 
 fn diagonal(matrix: &[f64], counts: &[f64]) -> f64 {
-    counts
-        .iter()
-        .enumerate()
-        .map(|(i, count)| count * matrix[i * counts.len() + i])
-        .sum()
+    counts.iter().enumerate().map(|(i, count)| count * matrix[i * counts.len() + i]).sum()
 }
 
 fn quadratic(matrix: &[f64], counts: &[f64]) -> f64 {
-    let line = |row: &[f64]| {
-        row.iter()
-            .zip(counts)
-            .map(|(x, count)| x * count)
-            .sum::<f64>()
-    };
-    matrix
-        .chunks_exact(counts.len())
-        .zip(counts)
-        .map(|(row, count)| count * line(row))
-        .sum()
+    let line = |row: &[f64]| row.iter().zip(counts).map(|(x, count)| x * count).sum::<f64>();
+    matrix.chunks_exact(counts.len()).zip(counts).map(|(row, count)| count * line(row)).sum()
 }

@@ -30,44 +30,24 @@ pub(super) fn nearest(
     distance: impl Fn(usize, usize) -> f64 + Sync,
 ) -> Result<Vec<Vec<(f64, u32)>>, Error> {
     if k == 0 {
-        return Err(Error::Option {
-            option: "neighbours",
-            value: k.to_string(),
-            must: "at least 1",
-        });
+        return Err(Error::Option { option: "neighbours", value: k.to_string(), must: "at least 1" });
     }
     let (rows, dims) = (space.table().rows(), space.table().dims());
     let sieve = Sieve::new(space, labels, k);
-    let slab = if barred.len() >= 16 * QUERIES {
-        rows
-    } else {
-        SLAB
-    };
-    let slabs: Vec<(usize, usize)> = (0..rows)
-        .step_by(slab)
-        .map(|from| (from, rows.min(from + slab)))
-        .collect();
+    let slab = if barred.len() >= 16 * QUERIES { rows } else { SLAB };
+    let slabs: Vec<(usize, usize)> = (0..rows).step_by(slab).map(|from| (from, rows.min(from + slab))).collect();
     let blocks: Vec<usize> = (0..barred.len()).step_by(QUERIES).collect();
     let found = blocks.par_iter().flat_map_iter(|&first| {
         let last = barred.len().min(first + QUERIES);
         let sift = |&(from, to): &(usize, usize)| {
-            sieve.sift(
-                &points[first * dims..last * dims],
-                &barred[first..last],
-                from,
-                to,
-            )
+            sieve.sift(&points[first * dims..last * dims], &barred[first..last], from, to)
         };
         let mut kept: Vec<Vec<Vec<u32>>> = slabs.par_iter().map(sift).collect();
         let distance = &distance;
         (first..last)
             .map(move |query| {
-                let candidates = kept
-                    .iter_mut()
-                    .flat_map(|slab| std::mem::take(&mut slab[query - first]));
-                let mut near: Vec<(f64, u32)> = candidates
-                    .map(|row| (distance(query, row as usize), row))
-                    .collect();
+                let candidates = kept.iter_mut().flat_map(|slab| std::mem::take(&mut slab[query - first]));
+                let mut near: Vec<(f64, u32)> = candidates.map(|row| (distance(query, row as usize), row)).collect();
                 near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
                 near.truncate(k);
                 near
@@ -94,29 +74,12 @@ impl<'s> Sieve<'s> {
         let dims = space.table().dims();
         let error = (dims as f32 + 16.0) * f32::EPSILON;
         let norm = |point: &[f32]| point.iter().map(|x| x * x).sum::<f32>();
-        let lower_norm = space
-            .points()
-            .par_chunks(dims)
-            .map(|point| norm(point) * (1.0 - error))
-            .collect();
-        Self {
-            points: space.points(),
-            labels,
-            dims,
-            k,
-            error,
-            lower_norm,
-        }
+        let lower_norm = space.points().par_chunks(dims).map(|point| norm(point) * (1.0 - error)).collect();
+        Self { points: space.points(), labels, dims, k, error, lower_norm }
     }
 
     /// The rows of `from..to` that could be among the `k` nearest of each query in a block.
-    fn sift(
-        &self,
-        queries: &[f32],
-        barred: &[Option<u32>],
-        from: usize,
-        to: usize,
-    ) -> Vec<Vec<u32>> {
+    fn sift(&self, queries: &[f32], barred: &[Option<u32>], from: usize, to: usize) -> Vec<Vec<u32>> {
         let count = barred.len();
         let doubled: Vec<f32> = queries.iter().map(|x| -2.0 * x).collect();
         let doubled = ArrayView2::from_shape((count, self.dims), &doubled);
@@ -132,20 +95,13 @@ impl<'s> Sieve<'s> {
             let width = last - first;
             let lower_norm = &self.lower_norm[first..last];
             let scores = &mut scores[..count * width];
-            scores
-                .chunks_exact_mut(width)
-                .for_each(|line| line.copy_from_slice(lower_norm));
-            let block = ArrayView2::from_shape(
-                (width, self.dims),
-                &self.points[first * self.dims..last * self.dims],
-            );
+            scores.chunks_exact_mut(width).for_each(|line| line.copy_from_slice(lower_norm));
+            let block = ArrayView2::from_shape((width, self.dims), &self.points[first * self.dims..last * self.dims]);
             let product = ArrayViewMut2::from_shape((count, width), &mut *scores);
             if let (Ok(doubled), Ok(block), Ok(mut product)) = (&doubled, block, product) {
                 general_mat_mul(1.0, doubled, &block.t(), 1.0, &mut product);
             }
-            for ((line, candidates), barred) in
-                scores.chunks_exact(width).zip(&mut candidates).zip(barred)
-            {
+            for ((line, candidates), barred) in scores.chunks_exact(width).zip(&mut candidates).zip(barred) {
                 self.scan(line, first, *barred, candidates);
             }
         }
@@ -156,11 +112,7 @@ impl<'s> Sieve<'s> {
     fn scan(&self, line: &[f32], first: usize, barred: Option<u32>, candidates: &mut Candidates) {
         const RUN: usize = 32;
         for (run, scores) in line.chunks(RUN).enumerate() {
-            let least =
-                scores.iter().fold(
-                    f32::INFINITY,
-                    |least, &score| if score < least { score } else { least },
-                );
+            let least = scores.iter().fold(f32::INFINITY, |least, &score| if score < least { score } else { least });
             if least > candidates.bound {
                 continue;
             }
@@ -191,22 +143,11 @@ impl Candidates {
     fn new(k: usize, error: f32, query_norm: f32) -> Self {
         let full = 4 * k + 32;
         let slack = 2.0 * error * query_norm;
-        Self {
-            k,
-            error,
-            slack,
-            bound: f32::INFINITY,
-            rows: Vec::with_capacity(full),
-            full,
-        }
+        Self { k, error, slack, bound: f32::INFINITY, rows: Vec::with_capacity(full), full }
     }
 
     fn push(&mut self, lower: f32, lower_norm: f32, row: u32) {
-        self.rows.push((
-            lower,
-            lower + 2.0 * self.error * lower_norm * 1.01 + self.slack,
-            row,
-        ));
+        self.rows.push((lower, lower + 2.0 * self.error * lower_norm * 1.01 + self.slack, row));
         if self.rows.len() == self.full {
             self.prune();
             self.full = self.full.max(2 * self.rows.len());
@@ -215,9 +156,7 @@ impl Candidates {
 
     fn prune(&mut self) {
         if self.rows.len() > self.k {
-            let (_, kth, _) = self
-                .rows
-                .select_nth_unstable_by(self.k - 1, |a, b| a.1.total_cmp(&b.1));
+            let (_, kth, _) = self.rows.select_nth_unstable_by(self.k - 1, |a, b| a.1.total_cmp(&b.1));
             self.bound = kth.1;
             self.rows.retain(|row| row.0 <= self.bound);
         }

@@ -21,11 +21,8 @@ pub enum Metric {
 }
 
 impl Metric {
-    const NAMES: [(&'static str, Self); 3] = [
-        ("standardized", Self::Standardized),
-        ("euclidean", Self::Euclidean),
-        ("cosine", Self::Cosine),
-    ];
+    const NAMES: [(&'static str, Self); 3] =
+        [("standardized", Self::Standardized), ("euclidean", Self::Euclidean), ("cosine", Self::Cosine)];
 
     /// The name used in options and outputs.
     #[must_use]
@@ -42,18 +39,10 @@ impl FromStr for Metric {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self, Error> {
-        Self::NAMES
-            .iter()
-            .find(|(known, _)| *known == name)
-            .map(|&(_, metric)| metric)
-            .ok_or_else(|| {
-                let choices = Self::NAMES.map(|(known, _)| known).join(", ");
-                Error::UnknownName {
-                    what: "metric",
-                    name: name.to_owned(),
-                    choices,
-                }
-            })
+        Self::NAMES.iter().find(|(known, _)| *known == name).map(|&(_, metric)| metric).ok_or_else(|| {
+            let choices = Self::NAMES.map(|(known, _)| known).join(", ");
+            Error::UnknownName { what: "metric", name: name.to_owned(), choices }
+        })
     }
 }
 
@@ -81,14 +70,9 @@ impl<'a> Space<'a> {
     /// Every dimension is constant.
     pub fn new(table: Table<'a>, metric: Metric) -> Result<Self, Error> {
         let (mean, deviation) = moments(&table);
-        let constant: Vec<usize> = (0..table.dims())
-            .filter(|&dim| deviation[dim] == 0.0)
-            .collect();
+        let constant: Vec<usize> = (0..table.dims()).filter(|&dim| deviation[dim] == 0.0).collect();
         if constant.len() == table.dims() && table.rows() > 1 {
-            return Err(Error::Constant {
-                what: "a neighbour search",
-                rows: table.rows(),
-            });
+            return Err(Error::Constant { what: "a neighbour search", rows: table.rows() });
         }
         let inverse = |&sd: &f64| if sd == 0.0 { 0.0 } else { 1.0 / sd };
         let (centre, scale) = match metric {
@@ -97,25 +81,10 @@ impl<'a> Space<'a> {
             Metric::Cosine => (vec![0.0; table.dims()], vec![1.0; table.dims()]),
         };
         let widest = deviation.iter().fold(0.0_f64, |widest, &sd| widest.max(sd));
-        let unit = if metric == Metric::Euclidean {
-            inverse(&widest)
-        } else {
-            1.0
-        };
-        let mut space = Self {
-            table,
-            metric,
-            centre,
-            scale,
-            unit,
-            constant,
-            points: Vec::new(),
-        };
+        let unit = if metric == Metric::Euclidean { inverse(&widest) } else { 1.0 };
+        let mut space = Self { table, metric, centre, scale, unit, constant, points: Vec::new() };
         let mut points = vec![0.0; table.values().len()];
-        points
-            .par_chunks_mut(table.dims())
-            .enumerate()
-            .for_each(|(row, point)| space.fill(table.row(row), point));
+        points.par_chunks_mut(table.dims()).enumerate().for_each(|(row, point)| space.fill(table.row(row), point));
         space.points = points;
         Ok(space)
     }
@@ -149,21 +118,12 @@ impl<'a> Space<'a> {
     pub fn distance_between(&self, a: &[f32], b: &[f32]) -> f64 {
         let pairs = a.iter().zip(b).map(|(&a, &b)| (f64::from(a), f64::from(b)));
         if self.metric == Metric::Cosine {
-            let (dot, aa, bb) = pairs.fold((0.0, 0.0, 0.0), |(dot, aa, bb), (a, b)| {
-                (dot + a * b, aa + a * a, bb + b * b)
-            });
+            let (dot, aa, bb) =
+                pairs.fold((0.0, 0.0, 0.0), |(dot, aa, bb), (a, b)| (dot + a * b, aa + a * a, bb + b * b));
             let norms = f64::sqrt(aa) * f64::sqrt(bb);
-            return if norms > 0.0 {
-                (1.0 - dot / norms).max(0.0)
-            } else {
-                1.0
-            };
+            return if norms > 0.0 { (1.0 - dot / norms).max(0.0) } else { 1.0 };
         }
-        pairs
-            .zip(&self.scale)
-            .map(|((a, b), scale)| ((a - b) * scale).powi(2))
-            .sum::<f64>()
-            .sqrt()
+        pairs.zip(&self.scale).map(|((a, b), scale)| ((a - b) * scale).powi(2)).sum::<f64>().sqrt()
     }
 
     /// A squared distance between two prepared rows, in single precision and without cancellation: for ranks.
@@ -172,12 +132,7 @@ impl<'a> Space<'a> {
         let (a, b) = (self.prepared(a), self.prepared(b));
         let mut lanes = [0.0_f32; LANES];
         let (runs_a, runs_b) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
-        let rest = runs_a
-            .remainder()
-            .iter()
-            .zip(runs_b.remainder())
-            .map(|(a, b)| (a - b) * (a - b))
-            .sum::<f32>();
+        let rest = runs_a.remainder().iter().zip(runs_b.remainder()).map(|(a, b)| (a - b) * (a - b)).sum::<f32>();
         for (a, b) in runs_a.zip(runs_b) {
             for lane in 0..LANES {
                 lanes[lane] += (a[lane] - b[lane]) * (a[lane] - b[lane]);
@@ -206,18 +161,10 @@ impl<'a> Space<'a> {
 
     fn fill(&self, latent: &[f32], point: &mut [f32]) {
         let length = match self.metric {
-            Metric::Cosine => latent
-                .iter()
-                .map(|&x| f64::from(x).powi(2))
-                .sum::<f64>()
-                .sqrt(),
+            Metric::Cosine => latent.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt(),
             _ => 1.0,
         };
-        let shrink = if length > 0.0 {
-            self.unit / length
-        } else {
-            0.0
-        };
+        let shrink = if length > 0.0 { self.unit / length } else { 0.0 };
         let dims = self.centre.iter().zip(&self.scale);
         for ((point, &x), (centre, scale)) in point.iter_mut().zip(latent).zip(dims) {
             *point = ((f64::from(x) - centre) * scale * shrink) as f32;
@@ -246,32 +193,17 @@ fn moments(table: &Table<'_>) -> (Vec<f64>, Vec<f64>) {
             })
             .collect();
         let add = |mut total: Vec<f64>, block: &Vec<f64>| {
-            total
-                .iter_mut()
-                .zip(block)
-                .for_each(|(total, sum)| *total += sum);
+            total.iter_mut().zip(block).for_each(|(total, sum)| *total += sum);
             total
         };
         partial.iter().fold(vec![0.0; dims], add)
     };
-    let mean: Vec<f64> = blocks(&|_, x| f64::from(x))
-        .iter()
-        .map(|sum| sum / rows)
-        .collect();
+    let mean: Vec<f64> = blocks(&|_, x| f64::from(x)).iter().map(|sum| sum / rows).collect();
     let first = table.row(0);
     let varies = blocks(&|dim, x| f64::from(u8::from(x != first[dim])));
     let squares = blocks(&|dim, x| (f64::from(x) - mean[dim]).powi(2));
     // Rounding of the mean would leave a constant dimension a deviation just above zero, and then blow it up.
-    let deviation = squares
-        .iter()
-        .zip(varies)
-        .map(|(sum, varies)| {
-            if varies > 0.0 {
-                (sum / rows).sqrt()
-            } else {
-                0.0
-            }
-        })
-        .collect();
+    let deviation =
+        squares.iter().zip(varies).map(|(sum, varies)| if varies > 0.0 { (sum / rows).sqrt() } else { 0.0 }).collect();
     (mean, deviation)
 }

@@ -9,55 +9,29 @@ use crate::{Error, Table};
 
 fn random(rows: usize, dims: usize, seed: u64) -> Vec<f32> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    (0..rows * dims)
-        .map(|_| rng.random_range(-1.0..1.0))
-        .collect()
+    (0..rows * dims).map(|_| rng.random_range(-1.0..1.0)).collect()
 }
 
 fn keys(rows: usize, length: usize) -> (Vec<u32>, Vec<u32>) {
-    (
-        (0..rows).map(|row| (row / length) as u32).collect(),
-        (0..rows).map(|row| (row % length) as u32).collect(),
-    )
+    ((0..rows).map(|row| (row / length) as u32).collect(), (0..rows).map(|row| (row % length) as u32).collect())
 }
 
 fn numbers(value: &Value) -> Vec<f64> {
-    value
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|x| x.as_f64().unwrap())
-        .collect()
+    value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
 }
 
 /// `tests/golden/neighbours.json`: rows exactly, distances to rounding.
 #[test]
 fn agrees_with_the_golden_neighbours() {
-    let golden: Value =
-        serde_json::from_str(include_str!("../../tests/golden/neighbours.json")).unwrap();
-    let latent: Vec<Vec<f64>> = golden["latent"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(numbers)
-        .collect();
+    let golden: Value = serde_json::from_str(include_str!("../../tests/golden/neighbours.json")).unwrap();
+    let latent: Vec<Vec<f64>> = golden["latent"].as_array().unwrap().iter().map(numbers).collect();
     let dims = latent[0].len();
     let values: Vec<f32> = latent.iter().flatten().map(|&x| x as f32).collect();
-    let key = |name: &str| {
-        numbers(&golden[name])
-            .iter()
-            .map(|&x| x as u32)
-            .collect::<Vec<u32>>()
-    };
+    let key = |name: &str| numbers(&golden[name]).iter().map(|&x| x as u32).collect::<Vec<u32>>();
     let (episode, step) = (key("episode"), key("step"));
     let table = Table::new(dims, &values, &episode, &step).unwrap();
     let space = Space::new(table, Metric::Standardized).unwrap();
-    let pair = |value: &Value| {
-        (
-            value[0].as_u64().unwrap() as u32,
-            value[1].as_u64().unwrap() as u32,
-        )
-    };
+    let pair = |value: &Value| (value[0].as_u64().unwrap() as u32, value[1].as_u64().unwrap() as u32);
     let golden_queries = golden["queries"].as_array().unwrap();
     let queries: Vec<usize> = golden_queries
         .iter()
@@ -66,25 +40,11 @@ fn agrees_with_the_golden_neighbours() {
             table.find(episode, step).unwrap()
         })
         .collect();
-    let found = nearest(
-        &space,
-        &queries,
-        golden["k"].as_u64().unwrap() as usize,
-        Exclude::Trajectory,
-    )
-    .unwrap();
+    let found = nearest(&space, &queries, golden["k"].as_u64().unwrap() as usize, Exclude::Trajectory).unwrap();
     for (at, query) in golden_queries.iter().enumerate() {
-        let expected: Vec<(u32, u32)> = query["neighbours"]
-            .as_array()
-            .unwrap()
-            .iter()
-            .map(pair)
-            .collect();
-        let rows: Vec<(u32, u32)> = found
-            .rows(at)
-            .iter()
-            .map(|&row| (episode[row as usize], step[row as usize]))
-            .collect();
+        let expected: Vec<(u32, u32)> = query["neighbours"].as_array().unwrap().iter().map(pair).collect();
+        let rows: Vec<(u32, u32)> =
+            found.rows(at).iter().map(|&row| (episode[row as usize], step[row as usize])).collect();
         assert_eq!(rows, expected);
         for (distance, expected) in found.distances(at).iter().zip(numbers(&query["distance"])) {
             assert!((distance - expected).abs() < 1e-9, "{distance} {expected}");
@@ -93,21 +53,13 @@ fn agrees_with_the_golden_neighbours() {
 }
 
 /// The definition, read off slowly.
-fn brute_force(
-    space: &Space<'_>,
-    query: usize,
-    k: usize,
-    admissible: impl Fn(usize) -> bool,
-) -> Vec<(u32, f64)> {
+fn brute_force(space: &Space<'_>, query: usize, k: usize, admissible: impl Fn(usize) -> bool) -> Vec<(u32, f64)> {
     let mut all: Vec<(f64, u32)> = (0..space.table().rows())
         .filter(|&row| admissible(row))
         .map(|row| (space.distance(query, row), row as u32))
         .collect();
     all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    all.into_iter()
-        .take(k)
-        .map(|(distance, row)| (row, distance))
-        .collect()
+    all.into_iter().take(k).map(|(distance, row)| (row, distance)).collect()
 }
 
 proptest! {
@@ -140,11 +92,7 @@ fn agrees_with_a_kd_tree() {
     let (episode, step) = keys(3000, 3000);
     let points: Vec<[f32; 3]> = values.chunks_exact(3).map(|x| [x[0], x[1], x[2]]).collect();
     let tree = ImmutableKdTree::<f32, 3>::new_from_slice(&points);
-    let space = Space::new(
-        Table::new(3, &values, &episode, &step).unwrap(),
-        Metric::Euclidean,
-    )
-    .unwrap();
+    let space = Space::new(Table::new(3, &values, &episode, &step).unwrap(), Metric::Euclidean).unwrap();
     let found = graph(&space, 10, Exclude::Itself).unwrap();
     for (row, point) in points.iter().enumerate() {
         let near = tree.nearest_n::<SquaredEuclidean>(point, std::num::NonZero::new(11).unwrap());
@@ -158,16 +106,9 @@ fn one_thread_and_three_give_the_same() {
     let values = random(5000, 16, 1);
     let (episode, step) = keys(5000, 50);
     let run = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let space = Space::new(
-                Table::new(16, &values, &episode, &step).unwrap(),
-                Metric::Standardized,
-            )
-            .unwrap();
+            let space = Space::new(Table::new(16, &values, &episode, &step).unwrap(), Metric::Standardized).unwrap();
             graph(&space, 15, Exclude::Trajectory).unwrap()
         })
     };
@@ -182,31 +123,17 @@ fn new_points_find_themselves_in_the_table() {
     let space = Space::new(table, Metric::Standardized).unwrap();
     let found = nearest_to(&space, &table, 3).unwrap();
     for row in 0..500 {
-        assert_eq!(
-            (found.rows(row)[0], found.distances(row)[0]),
-            (row as u32, 0.0)
-        );
+        assert_eq!((found.rows(row)[0], found.distances(row)[0]), (row as u32, 0.0));
     }
 }
 
 #[test]
 fn a_constant_dimension_changes_nothing_and_is_named() {
     let values = random(200, 4, 3);
-    let padded: Vec<f32> = values
-        .chunks_exact(4)
-        .flat_map(|x| [x[0], x[1], 0.1, x[2], x[3]])
-        .collect();
+    let padded: Vec<f32> = values.chunks_exact(4).flat_map(|x| [x[0], x[1], 0.1, x[2], x[3]]).collect();
     let (episode, step) = keys(200, 10);
-    let plain = Space::new(
-        Table::new(4, &values, &episode, &step).unwrap(),
-        Metric::Standardized,
-    )
-    .unwrap();
-    let padded = Space::new(
-        Table::new(5, &padded, &episode, &step).unwrap(),
-        Metric::Standardized,
-    )
-    .unwrap();
+    let plain = Space::new(Table::new(4, &values, &episode, &step).unwrap(), Metric::Standardized).unwrap();
+    let padded = Space::new(Table::new(5, &padded, &episode, &step).unwrap(), Metric::Standardized).unwrap();
     assert_eq!(padded.constant_dims(), [2]);
     let rows = |space| graph(space, 5, Exclude::Trajectory).unwrap();
     assert_eq!(rows(&plain), rows(&padded));
@@ -216,58 +143,21 @@ fn a_constant_dimension_changes_nothing_and_is_named() {
 fn refuses_what_it_cannot_answer() {
     let (episode, step) = keys(10, 5);
     let table = |values: &'static [f32]| {
-        Table::new(
-            1,
-            values,
-            &[0, 0, 0, 0, 0, 1, 1, 1, 1, 1],
-            &[0, 1, 2, 3, 4, 0, 1, 2, 3, 4],
-        )
+        Table::new(1, values, &[0, 0, 0, 0, 0, 1, 1, 1, 1, 1], &[0, 1, 2, 3, 4, 0, 1, 2, 3, 4])
     };
     let one_point = Space::new(table(&[2.0; 10]).unwrap(), Metric::Standardized);
     assert!(matches!(one_point, Err(Error::Constant { rows: 10, .. })));
     let mut values = [0.0; 10];
     values[7] = f32::NAN;
     let refused = Table::new(1, &values, &episode, &step);
-    assert!(matches!(
-        refused,
-        Err(Error::NotFinite {
-            episode: 1,
-            step: 2,
-            dim: 0,
-            ..
-        })
-    ));
-    let space = Space::new(
-        table(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]).unwrap(),
-        Metric::Euclidean,
-    )
-    .unwrap();
+    assert!(matches!(refused, Err(Error::NotFinite { episode: 1, step: 2, dim: 0, .. })));
+    let space =
+        Space::new(table(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]).unwrap(), Metric::Euclidean).unwrap();
     let short = nearest(&space, &[3], 6, Exclude::Trajectory);
-    assert!(matches!(
-        short,
-        Err(Error::TooFewNeighbours {
-            episode: 0,
-            step: 3,
-            needed: 6,
-            found: 5,
-            ..
-        })
-    ));
-    assert!(matches!(
-        nearest(&space, &[10], 1, Exclude::Itself),
-        Err(Error::NoSuchRow { row: 10, .. })
-    ));
-    assert!(matches!(
-        nearest(&space, &[0], 0, Exclude::Itself),
-        Err(Error::Option { .. })
-    ));
-    assert!(
-        "manhattan"
-            .parse::<Metric>()
-            .unwrap_err()
-            .to_string()
-            .contains("standardized, euclidean, cosine")
-    );
+    assert!(matches!(short, Err(Error::TooFewNeighbours { episode: 0, step: 3, needed: 6, found: 5, .. })));
+    assert!(matches!(nearest(&space, &[10], 1, Exclude::Itself), Err(Error::NoSuchRow { row: 10, .. })));
+    assert!(matches!(nearest(&space, &[0], 0, Exclude::Itself), Err(Error::Option { .. })));
+    assert!("manhattan".parse::<Metric>().unwrap_err().to_string().contains("standardized, euclidean, cosine"));
 }
 
 #[test]
@@ -279,10 +169,7 @@ fn huge_and_tiny_latents_are_told_apart() {
         for metric in [Metric::Standardized, Metric::Euclidean] {
             let space = Space::new(table, metric).unwrap();
             let found = nearest(&space, &[0], 5, Exclude::Itself).unwrap();
-            let rows: Vec<u32> = brute_force(&space, 0, 5, |row| row != 0)
-                .iter()
-                .map(|&(row, _)| row)
-                .collect();
+            let rows: Vec<u32> = brute_force(&space, 0, 5, |row| row != 0).iter().map(|&(row, _)| row).collect();
             assert_eq!(found.rows(0), rows, "{metric:?} {factor}");
         }
     }
@@ -300,26 +187,9 @@ fn bench() {
     let space = Space::new(table, Metric::Standardized).unwrap();
     let prepared = start.elapsed();
     nearest(&space, &queries, 5, Exclude::Trajectory).unwrap();
-    println!(
-        "20 queries over 125,000 x 32: {:.3} s, of it {prepared:.3?} preparing",
-        start.elapsed().as_secs_f64()
-    );
-    let table = Table::new(
-        32,
-        &values[..25_000 * 32],
-        &episode[..25_000],
-        &step[..25_000],
-    )
-    .unwrap();
+    println!("20 queries over 125,000 x 32: {:.3} s, of it {prepared:.3?} preparing", start.elapsed().as_secs_f64());
+    let table = Table::new(32, &values[..25_000 * 32], &episode[..25_000], &step[..25_000]).unwrap();
     let start = std::time::Instant::now();
-    graph(
-        &Space::new(table, Metric::Standardized).unwrap(),
-        15,
-        Exclude::Itself,
-    )
-    .unwrap();
-    println!(
-        "15-neighbour graph of 25,000 x 32: {:.3} s",
-        start.elapsed().as_secs_f64()
-    );
+    graph(&Space::new(table, Metric::Standardized).unwrap(), 15, Exclude::Itself).unwrap();
+    println!("15-neighbour graph of 25,000 x 32: {:.3} s", start.elapsed().as_secs_f64());
 }

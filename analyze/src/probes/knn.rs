@@ -38,9 +38,7 @@ impl Neighbourhoods {
         let mean = |query: usize| {
             let mut mean = vec![0.0; targets.columns];
             for &row in self.near.rows(query) {
-                mean.iter_mut()
-                    .zip(targets.row(row as usize))
-                    .for_each(|(mean, y)| *mean += y / self.near.k() as f64);
+                mean.iter_mut().zip(targets.row(row as usize)).for_each(|(mean, y)| *mean += y / self.near.k() as f64);
             }
             mean
         };

@@ -52,21 +52,11 @@ impl Targets {
                 Values::Classes(classes) => indicators(classes, rows)?,
             };
             let classes = matches!(quantity.values, Values::Classes(_));
-            spans.push(Span {
-                first: columns.len(),
-                columns: own.len(),
-                classes,
-            });
+            spans.push(Span { first: columns.len(), columns: own.len(), classes });
             columns.extend(own);
         }
-        let values = (0..rows)
-            .flat_map(|row| columns.iter().map(move |column| column[row]))
-            .collect();
-        Ok(Self {
-            columns: columns.len(),
-            values,
-            spans,
-        })
+        let values = (0..rows).flat_map(|row| columns.iter().map(move |column| column[row])).collect();
+        Ok(Self { columns: columns.len(), values, spans })
     }
 
     pub(super) fn row(&self, row: usize) -> &[f64] {
@@ -76,10 +66,7 @@ impl Targets {
     /// Every group of rows given another's targets, in order: the quantities stay as smooth in time as they were.
     pub(super) fn shuffled(&self, groups: &[u32], count: usize, rng: &mut impl Rng) -> Self {
         let mut members = vec![Vec::new(); count];
-        groups
-            .iter()
-            .enumerate()
-            .for_each(|(row, &group)| members[group as usize].push(row));
+        groups.iter().enumerate().for_each(|(row, &group)| members[group as usize].push(row));
         // A cycle, so that no group keeps its own.
         let mut order: Vec<usize> = (0..count).collect();
         order.shuffle(rng);
@@ -88,15 +75,10 @@ impl Targets {
             let donor = &members[order[(at + 1) % count]];
             for (position, &row) in members[group].iter().enumerate() {
                 let from = donor[position % donor.len()];
-                values[row * self.columns..(row + 1) * self.columns]
-                    .copy_from_slice(self.row(from));
+                values[row * self.columns..(row + 1) * self.columns].copy_from_slice(self.row(from));
             }
         }
-        Self {
-            columns: self.columns,
-            values,
-            spans: self.spans.clone(),
-        }
+        Self { columns: self.columns, values, spans: self.spans.clone() }
     }
 
     /// What the score of a quantity is called, and its value without any latent.
@@ -106,23 +88,14 @@ impl Targets {
             return ("R²", 0.0);
         }
         let rows = self.values.len() / self.columns;
-        let share = |column: usize| {
-            (0..rows)
-                .map(|row| self.row(row)[span.first + column])
-                .sum::<f64>()
-                / rows as f64
-        };
+        let share = |column: usize| (0..rows).map(|row| self.row(row)[span.first + column]).sum::<f64>() / rows as f64;
         ("accuracy", (0..span.columns).map(share).fold(0.0, f64::max))
     }
 }
 
 fn numbers(values: &[f64], name: &str, table: &Table<'_>) -> Result<Vec<f64>, Error> {
     if values.len() != table.rows() {
-        return Err(Error::Length {
-            what: "quantity",
-            expected: table.rows(),
-            found: values.len(),
-        });
+        return Err(Error::Length { what: "quantity", expected: table.rows(), found: values.len() });
     }
     match values.iter().position(|value| !value.is_finite()) {
         None => Ok(values.to_vec()),
@@ -138,22 +111,10 @@ fn numbers(values: &[f64], name: &str, table: &Table<'_>) -> Result<Vec<f64>, Er
 /// One column per class that occurs, in rising order.
 fn indicators(classes: &[u32], rows: usize) -> Result<Vec<Vec<f64>>, Error> {
     if classes.len() != rows {
-        return Err(Error::Length {
-            what: "quantity",
-            expected: rows,
-            found: classes.len(),
-        });
+        return Err(Error::Length { what: "quantity", expected: rows, found: classes.len() });
     }
     let mut names = classes.to_vec();
     names.sort_unstable();
     names.dedup();
-    Ok(names
-        .iter()
-        .map(|name| {
-            classes
-                .iter()
-                .map(|class| f64::from(u8::from(class == name)))
-                .collect()
-        })
-        .collect())
+    Ok(names.iter().map(|name| classes.iter().map(|class| f64::from(u8::from(class == name))).collect()).collect())
 }

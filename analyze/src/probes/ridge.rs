@@ -14,21 +14,13 @@ use crate::{Error, Table};
 const LAMBDAS: [f64; 8] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0];
 
 /// Every row's targets as predicted by the folds it is not in, `[rows, columns]`.
-pub(super) fn predict(
-    table: &Table<'_>,
-    targets: &Targets,
-    fold: &[u32],
-) -> Result<Vec<f64>, Error> {
+pub(super) fn predict(table: &Table<'_>, targets: &Targets, fold: &[u32]) -> Result<Vec<f64>, Error> {
     let count = fold.iter().max().map_or(0, |&last| last as usize + 1);
-    let sums: Vec<Moments> = (0..count)
-        .into_par_iter()
-        .map(|wanted| Moments::of(table, targets, fold, wanted as u32))
-        .collect();
+    let sums: Vec<Moments> =
+        (0..count).into_par_iter().map(|wanted| Moments::of(table, targets, fold, wanted as u32)).collect();
     let left = |out: &[usize]| {
         let mut all = Moments::zero(table.dims(), targets.columns);
-        (0..count)
-            .filter(|fold| !out.contains(fold))
-            .for_each(|fold| all.add(&sums[fold]));
+        (0..count).filter(|fold| !out.contains(fold)).for_each(|fold| all.add(&sums[fold]));
         all
     };
     let fits: Result<Vec<Linear>, Error> = (0..count)
@@ -36,13 +28,8 @@ pub(super) fn predict(
         .map(|out| {
             let inner = (out + 1) % count;
             // With two folds nothing is left to choose on: fit and validate on the same one.
-            let train = if count > 2 {
-                left(&[out, inner])
-            } else {
-                left(&[out])
-            };
-            let errors =
-                LAMBDAS.map(|lambda| train.fit(lambda).map(|fit| fit.errors(&sums[inner])));
+            let train = if count > 2 { left(&[out, inner]) } else { left(&[out]) };
+            let errors = LAMBDAS.map(|lambda| train.fit(lambda).map(|fit| fit.errors(&sums[inner])));
             let all = left(&[out]);
             let mut chosen = all.fit(LAMBDAS[0])?;
             let mut least = vec![f64::INFINITY; targets.columns];
@@ -60,9 +47,7 @@ pub(super) fn predict(
         .collect();
     let fits = fits?;
     let rows = (0..table.rows()).into_par_iter();
-    Ok(rows
-        .flat_map_iter(|row| fits[fold[row] as usize].predict(table.row(row)))
-        .collect())
+    Ok(rows.flat_map_iter(|row| fits[fold[row] as usize].predict(table.row(row))).collect())
 }
 
 /// Sums over some rows of products of `(1, latent, target)`: `[1 + dims + columns]²`, the part a fit needs.
@@ -76,40 +61,23 @@ struct Moments {
 
 impl Moments {
     fn zero(dims: usize, columns: usize) -> Self {
-        Self {
-            dims,
-            products: Array2::zeros((1 + dims, 1 + dims + columns)),
-            squares: Array1::zeros(columns),
-        }
+        Self { dims, products: Array2::zeros((1 + dims, 1 + dims + columns)), squares: Array1::zeros(columns) }
     }
 
     fn of(table: &Table<'_>, targets: &Targets, fold: &[u32], wanted: u32) -> Self {
         const BLOCK: usize = 1024;
         let mut sums = Self::zero(table.dims(), targets.columns);
-        let rows: Vec<usize> = (0..table.rows())
-            .filter(|&row| fold[row] == wanted)
-            .collect();
+        let rows: Vec<usize> = (0..table.rows()).filter(|&row| fold[row] == wanted).collect();
         let width = 1 + table.dims() + targets.columns;
         for block in rows.chunks(BLOCK) {
             let mut wide = Array2::zeros((block.len(), width));
             for (mut line, &row) in wide.outer_iter_mut().zip(block) {
                 line[0] = 1.0;
-                table
-                    .row(row)
-                    .iter()
-                    .enumerate()
-                    .for_each(|(dim, &x)| line[1 + dim] = f64::from(x));
-                targets
-                    .row(row)
-                    .iter()
-                    .enumerate()
-                    .for_each(|(column, &y)| line[1 + table.dims() + column] = y);
+                table.row(row).iter().enumerate().for_each(|(dim, &x)| line[1 + dim] = f64::from(x));
+                targets.row(row).iter().enumerate().for_each(|(column, &y)| line[1 + table.dims() + column] = y);
             }
             sums.products += &wide.slice(s![.., ..=table.dims()]).t().dot(&wide);
-            sums.squares += &wide
-                .slice(s![.., 1 + table.dims()..])
-                .mapv(|y| y * y)
-                .sum_axis(Axis(0));
+            sums.squares += &wide.slice(s![.., 1 + table.dims()..]).mapv(|y| y * y).sum_axis(Axis(0));
         }
         sums
     }
@@ -131,21 +99,13 @@ impl Moments {
         }
         let scale = Array1::from_shape_fn(dims, |dim| {
             let variance = centred[[dim, dim]];
-            if variance > 1e-12 * (1.0 + mean[1 + dim].powi(2)) {
-                variance.sqrt().recip()
-            } else {
-                0.0
-            }
+            if variance > 1e-12 * (1.0 + mean[1 + dim].powi(2)) { variance.sqrt().recip() } else { 0.0 }
         });
-        let mut gram =
-            Array2::from_shape_fn((dims, dims), |(a, b)| centred[[a, b]] * scale[a] * scale[b]);
+        let mut gram = Array2::from_shape_fn((dims, dims), |(a, b)| centred[[a, b]] * scale[a] * scale[b]);
         gram.diag_mut().mapv_inplace(|x| x + lambda);
-        let mut weights =
-            centred.slice(s![.., dims..]).to_owned() * scale.view().insert_axis(Axis(1));
-        let failed = |source: linfa_linalg::LinalgError| Error::Linear {
-            what: "the ridge probe",
-            reason: format!("{source}"),
-        };
+        let mut weights = centred.slice(s![.., dims..]).to_owned() * scale.view().insert_axis(Axis(1));
+        let failed =
+            |source: linfa_linalg::LinalgError| Error::Linear { what: "the ridge probe", reason: format!("{source}") };
         gram.solvec_inplace(&mut weights).map_err(failed)?;
         weights *= &scale.insert_axis(Axis(1));
         let shift: Array1<f64> = weights.t().dot(&mean.slice(s![1..=dims]));
@@ -165,18 +125,14 @@ impl Linear {
     fn predict(&self, latent: &[f32]) -> Vec<f64> {
         let mut y = self.offset.to_vec();
         for (&x, weights) in latent.iter().zip(self.weights.outer_iter()) {
-            y.iter_mut()
-                .zip(weights)
-                .for_each(|(y, weight)| *y += f64::from(x) * weight);
+            y.iter_mut().zip(weights).for_each(|(y, weight)| *y += f64::from(x) * weight);
         }
         y
     }
 
     /// Replace one column by another fit's.
     fn take(&mut self, other: &Self, column: usize) {
-        self.weights
-            .column_mut(column)
-            .assign(&other.weights.column(column));
+        self.weights.column_mut(column).assign(&other.weights.column(column));
         self.offset[column] = other.offset[column];
     }
 
@@ -186,8 +142,7 @@ impl Linear {
         full.row_mut(0).assign(&self.offset);
         full.slice_mut(s![1.., ..]).assign(&self.weights);
         let cross = (&full * &on.products.slice(s![.., 1 + on.dims..])).sum_axis(Axis(0));
-        let quadratic =
-            (&full * &on.products.slice(s![.., ..=on.dims]).dot(&full)).sum_axis(Axis(0));
+        let quadratic = (&full * &on.products.slice(s![.., ..=on.dims]).dot(&full)).sum_axis(Axis(0));
         &on.squares - 2.0 * &cross + &quadratic
     }
 }

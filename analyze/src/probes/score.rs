@@ -29,12 +29,8 @@ pub(super) fn score(
         }
     }
     bootstrap(count, rng, |counts| {
-        let total = |part: fn(&Sums) -> f64| {
-            sums.iter()
-                .zip(counts)
-                .map(|(sums, count)| count * part(sums))
-                .sum::<f64>()
-        };
+        let total =
+            |part: fn(&Sums) -> f64| sums.iter().zip(counts).map(|(sums, count)| count * part(sums)).sum::<f64>();
         let rows = total(|sums| sums.rows);
         if span.classes {
             return total(|sums| sums.hits) / rows;
@@ -64,11 +60,5 @@ impl Sums {
 
 /// The first of the largest.
 fn largest(values: &[f64]) -> usize {
-    values
-        .iter()
-        .enumerate()
-        .fold((0, f64::NEG_INFINITY), |best, (at, &x)| {
-            if x > best.1 { (at, x) } else { best }
-        })
-        .0
+    values.iter().enumerate().fold((0, f64::NEG_INFINITY), |best, (at, &x)| if x > best.1 { (at, x) } else { best }).0
 }

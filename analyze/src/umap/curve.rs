@@ -17,22 +17,12 @@ impl Curve {
     #[must_use]
     pub fn fit(min_dist: f64, spread: f64) -> Self {
         let target = |d: f64| {
-            if d < min_dist {
-                1.0
-            } else {
-                (-(d - min_dist) / spread).exp()
-            }
+            if d < min_dist { 1.0 } else { (-(d - min_dist) / spread).exp() }
         };
-        let samples: Vec<(f64, f64)> = (1..300)
-            .map(|i| 3.0 * spread * f64::from(i) / 299.0)
-            .map(|d| (d, target(d)))
-            .collect();
-        let loss = |a: f64, b: f64| {
-            samples
-                .iter()
-                .map(|(d, y)| (1.0 / (1.0 + a * d.powf(2.0 * b)) - y).powi(2))
-                .sum::<f64>()
-        };
+        let samples: Vec<(f64, f64)> =
+            (1..300).map(|i| 3.0 * spread * f64::from(i) / 299.0).map(|d| (d, target(d))).collect();
+        let loss =
+            |a: f64, b: f64| samples.iter().map(|(d, y)| (1.0 / (1.0 + a * d.powf(2.0 * b)) - y).powi(2)).sum::<f64>();
         let (mut a, mut b, mut damping) = (1.0_f64, 1.0_f64, 1e-3_f64);
         for _ in 0..200 {
             let (mut aa, mut ab, mut bb, mut ga, mut gb) = (0.0, 0.0, 0.0, 0.0, 0.0);
@@ -57,32 +47,19 @@ impl Curve {
                 damping *= 10.0;
             }
         }
-        Self {
-            a: a as f32,
-            b: b as f32,
-        }
+        Self { a: a as f32, b: b as f32 }
     }
 
     /// One attraction.
     pub(super) fn attraction(self) -> Forces<1> {
         let (constant, by_power, near) = self.attracts();
-        Forces {
-            curve: self,
-            constant: [constant],
-            by_power: [by_power],
-            near: [near],
-        }
+        Forces { curve: self, constant: [constant], by_power: [by_power], near: [near] }
     }
 
     /// Repulsions in every lane.
     pub(super) fn repulsions(self) -> Forces<LANES> {
         let (constant, by_power, near) = self.repels();
-        Forces {
-            curve: self,
-            constant: [constant; LANES],
-            by_power: [by_power; LANES],
-            near: [near; LANES],
-        }
+        Forces { curve: self, constant: [constant; LANES], by_power: [by_power; LANES], near: [near; LANES] }
     }
 
     /// An attraction in the first lane, repulsions in the others.
@@ -143,8 +120,7 @@ fn power(x: f32, b: f32) -> f32 {
     let rounded = y + ROUND;
     let whole = rounded.to_bits().wrapping_sub(ROUND.to_bits());
     let f = (y - (rounded - ROUND)) * std::f32::consts::LN_2;
-    let exp =
-        1.0 + f * (1.0 + f * (0.5 + f * (0.166_666_67 + f * (0.041_666_67 + f * 0.008_333_334))));
+    let exp = 1.0 + f * (1.0 + f * (0.5 + f * (0.166_666_67 + f * (0.041_666_67 + f * 0.008_333_334))));
     f32::from_bits(exp.to_bits().wrapping_add(whole << 23))
 }
 
@@ -157,10 +133,7 @@ mod tests {
     fn fits_the_known_curves() {
         for (min_dist, a, b) in [(0.1, 1.576_943, 0.895_060_9), (0.5, 0.583_030, 1.334_167)] {
             let curve = Curve::fit(min_dist, 1.0);
-            assert!(
-                (curve.a - a).abs() < 1e-3 && (curve.b - b).abs() < 1e-3,
-                "{curve:?}"
-            );
+            assert!((curve.a - a).abs() < 1e-3 && (curve.b - b).abs() < 1e-3, "{curve:?}");
         }
     }
 
@@ -170,10 +143,7 @@ mod tests {
             let x = 1.37_f32.powi(exponent) * 1.1;
             for b in [0.3_f32, 0.895, 1.33] {
                 let (got, true_power) = (power(x, b), x.powf(b));
-                assert!(
-                    (got / true_power - 1.0).abs() < 1e-5,
-                    "{x}^{b}: {got} {true_power}"
-                );
+                assert!((got / true_power - 1.0).abs() < 1e-5, "{x}^{b}: {got} {true_power}");
             }
         }
     }

@@ -23,25 +23,14 @@ impl FuzzyGraph {
         let rows = neighbours.queries();
         let mut incoming: Vec<Vec<(u32, f32)>> = vec![Vec::new(); rows];
         for row in 0..rows {
-            for (&target, &weight) in neighbours
-                .rows(row)
-                .iter()
-                .zip(&memberships[row * neighbours.k()..])
-            {
+            for (&target, &weight) in neighbours.rows(row).iter().zip(&memberships[row * neighbours.k()..]) {
                 incoming[target as usize].push((row as u32, weight));
             }
         }
-        let outgoing = |row: usize| {
-            neighbours
-                .rows(row)
-                .iter()
-                .copied()
-                .zip(memberships[row * neighbours.k()..].iter().copied())
-        };
-        let edges: Vec<Vec<(u32, f32)>> = (0..rows)
-            .into_par_iter()
-            .map(|row| union(outgoing(row), &incoming[row]))
-            .collect();
+        let outgoing =
+            |row: usize| neighbours.rows(row).iter().copied().zip(memberships[row * neighbours.k()..].iter().copied());
+        let edges: Vec<Vec<(u32, f32)>> =
+            (0..rows).into_par_iter().map(|row| union(outgoing(row), &incoming[row])).collect();
         Self::from_edges(&edges)
     }
 
@@ -53,11 +42,7 @@ impl FuzzyGraph {
         }));
         let targets = edges.iter().flatten().map(|&(target, _)| target).collect();
         let weights = edges.iter().flatten().map(|&(_, weight)| weight).collect();
-        Self {
-            offsets,
-            targets,
-            weights,
-        }
+        Self { offsets, targets, weights }
     }
 
     /// Number of points.
@@ -69,10 +54,7 @@ impl FuzzyGraph {
     /// The neighbours of a vertex and the weights of the edges to them, by rising neighbour.
     pub fn edges(&self, vertex: usize) -> impl Iterator<Item = (u32, f32)> + '_ {
         let span = self.offsets[vertex]..self.offsets[vertex + 1];
-        self.targets[span.clone()]
-            .iter()
-            .copied()
-            .zip(self.weights[span].iter().copied())
+        self.targets[span.clone()].iter().copied().zip(self.weights[span].iter().copied())
     }
 
     /// The connected component of each vertex (numbered by first vertex), and how many there are.
@@ -121,9 +103,7 @@ fn union(outgoing: impl Iterator<Item = (u32, f32)>, incoming: &[(u32, f32)]) ->
 /// the memberships add up to `log2(k + 1)` (the point itself is the first of its `k + 1` neighbours).
 pub(super) fn memberships(neighbours: &Neighbours) -> Vec<f32> {
     let k = neighbours.k();
-    let all = (0..neighbours.queries())
-        .flat_map(|query| neighbours.distances(query))
-        .sum::<f64>();
+    let all = (0..neighbours.queries()).flat_map(|query| neighbours.distances(query)).sum::<f64>();
     let mean = all / (neighbours.queries() * (k + 1)) as f64;
     (0..neighbours.queries())
         .into_par_iter()
@@ -131,13 +111,11 @@ pub(super) fn memberships(neighbours: &Neighbours) -> Vec<f32> {
             let distances = neighbours.distances(query);
             let rho = distances.iter().copied().find(|&d| d > 0.0).unwrap_or(0.0);
             let sigma = bandwidth(distances, rho, mean);
-            distances.iter().map(move |d| {
-                if d - rho <= 0.0 || sigma == 0.0 {
-                    1.0
-                } else {
-                    (-(d - rho) / sigma).exp() as f32
-                }
-            })
+            distances.iter().map(
+                move |d| {
+                    if d - rho <= 0.0 || sigma == 0.0 { 1.0 } else { (-(d - rho) / sigma).exp() as f32 }
+                },
+            )
         })
         .collect()
 }
@@ -146,18 +124,8 @@ pub(super) fn memberships(neighbours: &Neighbours) -> Vec<f32> {
 /// duplicates) of all.
 fn bandwidth(distances: &[f64], rho: f64, mean_of_all: f64) -> f64 {
     let target = ((distances.len() + 1) as f64).log2();
-    let total = |sigma: f64| {
-        distances
-            .iter()
-            .map(|d| {
-                if d > &rho {
-                    (-(d - rho) / sigma).exp()
-                } else {
-                    1.0
-                }
-            })
-            .sum::<f64>()
-    };
+    let total =
+        |sigma: f64| distances.iter().map(|d| if d > &rho { (-(d - rho) / sigma).exp() } else { 1.0 }).sum::<f64>();
     let (mut low, mut high, mut sigma) = (0.0, f64::INFINITY, 1.0);
     for _ in 0..64 {
         let sum = total(sigma);
@@ -169,11 +137,7 @@ fn bandwidth(distances: &[f64], rho: f64, mean_of_all: f64) -> f64 {
             sigma = f64::midpoint(low, high);
         } else {
             low = sigma;
-            sigma = if high.is_infinite() {
-                sigma * 2.0
-            } else {
-                f64::midpoint(low, high)
-            };
+            sigma = if high.is_infinite() { sigma * 2.0 } else { f64::midpoint(low, high) };
         }
     }
     let own_mean = distances.iter().sum::<f64>() / (distances.len() + 1) as f64;

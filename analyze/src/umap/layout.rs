@@ -39,16 +39,22 @@ pub(super) struct Descent {
 #[derive(Debug, Clone, Copy)]
 struct Edge {
     target: u32,
-    /// In which share of the epochs it acts: its weight over the largest.
-    share: f32,
+    /// In which share of the epochs it acts, its weight over the largest: in units of 2^-32.
+    share: u32,
     /// Whether this end is repelled as well.
     repels: bool,
 }
 
 impl Edge {
-    /// Whether it acts in an epoch; its turns are evenly spaced.
+    fn new(target: u32, share: f32, repels: bool) -> Self {
+        // A cast from a float stays within the integer's range.
+        Self { target, share: (f64::from(share) * 2.0_f64.powi(32)) as u32, repels }
+    }
+
+    /// Whether it acts in an epoch: when `share · epochs` passes a whole number. Its turns are evenly spaced.
+    #[inline]
     fn acts(self, epoch: usize) -> bool {
-        (self.share * (epoch + 1) as f32).floor() > (self.share * epoch as f32).floor()
+        self.share.wrapping_mul(epoch as u32 + 1) < self.share
     }
 }
 
@@ -71,16 +77,8 @@ impl Rounds {
                 let first = (mix(low << 32 | high) % ROUNDS as u64) as usize;
                 let second = (first + ROUNDS / 2) % ROUNDS;
                 let share = weight / largest;
-                by_round[first].push(Edge {
-                    target,
-                    share,
-                    repels: vertex < target,
-                });
-                by_round[second].push(Edge {
-                    target,
-                    share,
-                    repels: vertex > target,
-                });
+                by_round[first].push(Edge::new(target, share, vertex < target));
+                by_round[second].push(Edge::new(target, share, vertex > target));
             }
             for round in by_round {
                 offsets.push(edges.len());
@@ -105,54 +103,26 @@ impl Descent {
         for epoch in 0..self.epochs {
             for round in 0..ROUNDS {
                 let old = positions.as_slice();
-                next.par_iter_mut()
-                    .enumerate()
-                    .with_min_len(CHUNK)
-                    .for_each(|(vertex, position)| {
-                        let draws = Draws::new(self.seed, epoch * ROUNDS + round, vertex);
-                        *position = self.gather(
-                            epoch,
-                            (vertex, old[vertex]),
-                            rounds.edges(vertex, round),
-                            old,
-                            draws,
-                        );
-                    });
+                next.par_iter_mut().enumerate().with_min_len(CHUNK).for_each(|(vertex, position)| {
+                    let draws = Draws::new(self.seed, epoch * ROUNDS + round, vertex);
+                    *position = self.gather(epoch, (vertex, old[vertex]), rounds.edges(vertex, round), old, draws);
+                });
                 std::mem::swap(positions, &mut next);
             }
         }
     }
 
     /// Lay out new points `placed` against old ones, which stand still. `shares` `[new, k]`: how often each edge acts.
-    pub(super) fn place(
-        self,
-        neighbours: &Neighbours,
-        shares: &[f32],
-        old: &[Position],
-        placed: &mut [Position],
-    ) {
+    pub(super) fn place(self, neighbours: &Neighbours, shares: &[f32], old: &[Position], placed: &mut [Position]) {
         let k = neighbours.k();
-        placed
-            .par_iter_mut()
-            .enumerate()
-            .with_min_len(CHUNK)
-            .for_each(|(query, position)| {
-                let near = neighbours
-                    .rows(query)
-                    .iter()
-                    .zip(&shares[query * k..(query + 1) * k]);
-                let edges: Vec<Edge> = near
-                    .map(|(&target, &share)| Edge {
-                        target,
-                        share,
-                        repels: true,
-                    })
-                    .collect();
-                for epoch in 0..self.epochs {
-                    let draws = Draws::new(self.seed, epoch, query);
-                    *position = self.gather(epoch, (usize::MAX, *position), &edges, old, draws);
-                }
-            });
+        placed.par_iter_mut().enumerate().with_min_len(CHUNK).for_each(|(query, position)| {
+            let near = neighbours.rows(query).iter().zip(&shares[query * k..(query + 1) * k]);
+            let edges: Vec<Edge> = near.map(|(&target, &share)| Edge::new(target, share, true)).collect();
+            for epoch in 0..self.epochs {
+                let draws = Draws::new(self.seed, epoch, query);
+                *position = self.gather(epoch, (usize::MAX, *position), &edges, old, draws);
+            }
+        });
     }
 
     /// One vertex's position after its edges have acted on it.
@@ -195,21 +165,12 @@ impl Descent {
 
 /// Move `at` by the forces the others exert on it there.
 #[inline]
-fn moved<const N: usize>(
-    at: Position,
-    others: &[Position; N],
-    forces: &Forces<N>,
-    rate: f32,
-) -> Position {
+fn moved<const N: usize>(at: Position, others: &[Position; N], forces: &Forces<N>, rate: f32) -> Position {
     let x: [f32; N] = std::array::from_fn(|lane| at[0] - others[lane][0]);
     let y: [f32; N] = std::array::from_fn(|lane| at[1] - others[lane][1]);
-    let force = forces.at(&std::array::from_fn(|lane| {
-        x[lane] * x[lane] + y[lane] * y[lane]
-    }));
+    let force = forces.at(&std::array::from_fn(|lane| x[lane] * x[lane] + y[lane] * y[lane]));
     let sum = |difference: [f32; N]| {
-        (0..N)
-            .map(|lane| (force[lane] * difference[lane]).clamp(-LONGEST, LONGEST))
-            .sum::<f32>()
+        (0..N).map(|lane| (force[lane] * difference[lane]).clamp(-LONGEST, LONGEST)).sum::<f32>()
     };
     [at[0] + rate * sum(x), at[1] + rate * sum(y)]
 }

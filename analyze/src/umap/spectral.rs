@@ -38,19 +38,11 @@ pub(super) fn start(
     for (vertex, &component) in component.iter().enumerate() {
         members[component as usize].push(vertex as u32);
     }
-    let centres: Vec<Position> = members
-        .iter()
-        .map(|members| mean(members, &elsewhere))
-        .collect();
+    let centres: Vec<Position> = members.iter().map(|members| mean(members, &elsewhere)).collect();
     let mut positions = vec![[0.0; 2]; graph.vertices()];
     for (at, members) in members.iter().enumerate() {
         let radius = 0.5 * nearest_other(&centres, at);
-        let scatter = |rng: &mut _| {
-            members
-                .iter()
-                .map(|_| [uniform(rng), uniform(rng)])
-                .collect()
-        };
+        let scatter = |rng: &mut _| members.iter().map(|_| [uniform(rng), uniform(rng)]).collect();
         let local = if members.len() < SMALL {
             scatter(rng)
         } else {
@@ -69,12 +61,7 @@ fn uniform(rng: &mut impl Rng) -> f32 {
 }
 
 fn mean(members: &[u32], positions: &[Position]) -> Position {
-    let sum = |axis: usize| {
-        members
-            .iter()
-            .map(|&vertex| f64::from(positions[vertex as usize][axis]))
-            .sum::<f64>()
-    };
+    let sum = |axis: usize| members.iter().map(|&vertex| f64::from(positions[vertex as usize][axis])).sum::<f64>();
     [0, 1].map(|axis| (sum(axis) / members.len() as f64) as f32)
 }
 
@@ -84,9 +71,7 @@ fn nearest_other(centres: &[Position], at: usize) -> f32 {
     let others = centres.iter().enumerate().filter(|(other, _)| *other != at);
     let (near, far) = others
         .map(|(_, other)| distance(other))
-        .fold((f32::INFINITY, 0.0_f32), |(near, far), d| {
-            (near.min(d), far.max(d))
-        });
+        .fold((f32::INFINITY, 0.0_f32), |(near, far), d| (near.min(d), far.max(d)));
     near.max(0.01 * far).max(1e-3)
 }
 
@@ -94,13 +79,8 @@ fn nearest_other(centres: &[Position], at: usize) -> f32 {
 fn boxed(positions: &[Position], radius: f32) -> Vec<Position> {
     let all: Vec<u32> = (0..positions.len() as u32).collect();
     let centre = mean(&all, positions);
-    let centred = positions
-        .iter()
-        .map(|at| [at[0] - centre[0], at[1] - centre[1]]);
-    let largest = centred
-        .clone()
-        .flatten()
-        .fold(f32::MIN_POSITIVE, |largest, x| largest.max(x.abs()));
+    let centred = positions.iter().map(|at| [at[0] - centre[0], at[1] - centre[1]]);
+    let largest = centred.clone().flatten().fold(f32::MIN_POSITIVE, |largest, x| largest.max(x.abs()));
     centred.map(|at| at.map(|x| x * radius / largest)).collect()
 }
 
@@ -113,22 +93,14 @@ fn eigenvectors(graph: &FuzzyGraph, members: &[u32], rng: &mut impl Rng) -> Opti
     let mut best = None;
     for _ in 0..RESTARTS {
         let (vectors, residual) = lanczos(&operator, start, steps)?;
-        start = vectors[0]
-            .iter()
-            .zip(&vectors[1])
-            .map(|(a, b)| a + b)
-            .collect();
+        start = vectors[0].iter().zip(&vectors[1]).map(|(a, b)| a + b).collect();
         best = (residual < USELESS).then_some(vectors);
         if residual < GOOD {
             break;
         }
     }
     let vectors = best?;
-    Some(
-        (0..size)
-            .map(|vertex| [vectors[0][vertex] as f32, vectors[1][vertex] as f32])
-            .collect(),
-    )
+    Some((0..size).map(|vertex| [vectors[0][vertex] as f32, vectors[1][vertex] as f32]).collect())
 }
 
 /// `D^{-1/2} W D^{-1/2}` on one component, with its known leading eigenvector `√degree` taken out.
@@ -143,18 +115,10 @@ struct Operator {
 impl Operator {
     fn new(graph: &FuzzyGraph, members: &[u32]) -> Self {
         let mut local = vec![u32::MAX; graph.vertices()];
-        members
-            .iter()
-            .enumerate()
-            .for_each(|(at, &vertex)| local[vertex as usize] = at as u32);
+        members.iter().enumerate().for_each(|(at, &vertex)| local[vertex as usize] = at as u32);
         let degree: Vec<f64> = members
             .iter()
-            .map(|&vertex| {
-                graph
-                    .edges(vertex as usize)
-                    .map(|(_, weight)| f64::from(weight))
-                    .sum()
-            })
+            .map(|&vertex| graph.edges(vertex as usize).map(|(_, weight)| f64::from(weight)).sum())
             .collect();
         let (mut offsets, mut targets, mut weights) = (vec![0], Vec::new(), Vec::new());
         for (at, &vertex) in members.iter().enumerate() {
@@ -166,31 +130,17 @@ impl Operator {
             offsets.push(targets.len());
         }
         let total: f64 = degree.iter().sum();
-        let trivial = degree
-            .iter()
-            .map(|degree| (degree / total).sqrt())
-            .collect();
-        Self {
-            offsets,
-            targets,
-            weights,
-            trivial,
-        }
+        let trivial = degree.iter().map(|degree| (degree / total).sqrt()).collect();
+        Self { offsets, targets, weights, trivial }
     }
 
     fn apply(&self, vector: &[f64]) -> Vec<f64> {
         let row = |at: usize| {
             let edges = self.offsets[at]..self.offsets[at + 1];
             let terms = self.targets[edges.clone()].iter().zip(&self.weights[edges]);
-            terms
-                .map(|(&target, weight)| weight * vector[target as usize])
-                .sum()
+            terms.map(|(&target, weight)| weight * vector[target as usize]).sum()
         };
-        (0..vector.len())
-            .into_par_iter()
-            .with_min_len(512)
-            .map(row)
-            .collect()
+        (0..vector.len()).into_par_iter().with_min_len(512).map(row).collect()
     }
 }
 
@@ -223,29 +173,18 @@ fn lanczos(operator: &Operator, start: Vec<f64>, steps: usize) -> Option<([Vec<f
 }
 
 /// Ritz vectors from the projected (tridiagonal) matrix.
-fn finish(
-    basis: &[Vec<f64>],
-    projected: Array2<f64>,
-    steps: usize,
-    rest: f64,
-) -> Option<([Vec<f64>; 2], f64)> {
+fn finish(basis: &[Vec<f64>], projected: Array2<f64>, steps: usize, rest: f64) -> Option<([Vec<f64>; 2], f64)> {
     if steps < 2 {
         return None;
     }
-    let projected = projected
-        .slice_move(ndarray::s![..steps, ..steps])
-        .as_standard_layout()
-        .to_owned();
+    let projected = projected.slice_move(ndarray::s![..steps, ..steps]).as_standard_layout().to_owned();
     let (_, coefficients) = projected.eigh().ok()?.sort_eig_desc();
     let size = basis[0].len();
     let ritz = |which: usize| {
         let mut vector = vec![0.0; size];
         for (step, basis) in basis[1..].iter().enumerate() {
             let coefficient = coefficients[[step, which]];
-            vector
-                .iter_mut()
-                .zip(basis)
-                .for_each(|(x, b)| *x += coefficient * b);
+            vector.iter_mut().zip(basis).for_each(|(x, b)| *x += coefficient * b);
         }
         vector
     };
@@ -258,27 +197,19 @@ fn orthogonalize(vector: &mut [f64], basis: &[Vec<f64>]) {
     const CHUNK: usize = 2048;
     for _ in 0..2 {
         let shared: Vec<f64> = basis.par_iter().map(|b| dot(vector, b)).collect();
-        vector
-            .par_chunks_mut(CHUNK)
-            .enumerate()
-            .for_each(|(chunk, x)| {
-                for (b, share) in basis.iter().zip(&shared) {
-                    let b = &b[chunk * CHUNK..chunk * CHUNK + x.len()];
-                    x.iter_mut().zip(b).for_each(|(x, b)| *x -= share * b);
-                }
-            });
+        vector.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, x)| {
+            for (b, share) in basis.iter().zip(&shared) {
+                let b = &b[chunk * CHUNK..chunk * CHUNK + x.len()];
+                x.iter_mut().zip(b).for_each(|(x, b)| *x -= share * b);
+            }
+        });
     }
 }
 
 /// Eight running sums, which the compiler keeps in vector registers.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (runs_a, runs_b) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f64 = runs_a
-        .remainder()
-        .iter()
-        .zip(runs_b.remainder())
-        .map(|(a, b)| a * b)
-        .sum();
+    let rest: f64 = runs_a.remainder().iter().zip(runs_b.remainder()).map(|(a, b)| a * b).sum();
     let mut sums = [0.0; 8];
     for (a, b) in runs_a.zip(runs_b) {
         for lane in 0..8 {

@@ -23,11 +23,7 @@ pub fn transform(
     options.check()?;
     let rows = space.table().rows();
     if positions.len() != rows {
-        return Err(Error::Length {
-            what: "map",
-            expected: rows,
-            found: positions.len(),
-        });
+        return Err(Error::Length { what: "map", expected: rows, found: positions.len() });
     }
     let neighbours = nearest_to(space, new, options.neighbours.min(rows))?;
     let memberships = fuzzy::memberships(&neighbours);
@@ -38,10 +34,7 @@ pub fn transform(
         let near = neighbours.rows(query).iter().zip(weights);
         let add = |sum: Position, (&row, weight): (&u32, &f32)| {
             let at = positions[row as usize];
-            [
-                sum[0] + at[0] * weight / total,
-                sum[1] + at[1] * weight / total,
-            ]
+            [sum[0] + at[0] * weight / total, sum[1] + at[1] * weight / total]
         };
         near.fold([0.0; 2], add)
     };
