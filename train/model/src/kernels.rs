@@ -8,7 +8,9 @@
 //! which is also what the tests compare against. The numbers agree up to float32 rounding.
 //!
 //! The fast path is float32 throughout. It picks its instructions when the program runs (AVX-512, AVX2 with FMA, or what
-//! every machine has), and its result does not depend on the number of threads.
+//! every machine has, see [`Instructions`]), and its result does not depend on the number of threads. There is no bfloat16
+//! path: on the one core of an Emerald Rapids without AMX where it was measured, the bfloat16 dot product (`vdpbf16ps`) did 86 GFLOP/s and
+//! the float32 multiply-add 175; the saving comes from multiplying less ([`features`]) and from staying in cache.
 
 pub mod adam;
 mod convolution;

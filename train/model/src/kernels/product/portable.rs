@@ -1,0 +1,59 @@
+//! The tile in plain Rust.
+//!
+//! In: slices cut to what is read and written. Out: one tile of the product.
+
+use super::{PANEL, Shape};
+
+/// Four rows and sixteen columns at a time; the compiler makes vectors of it.
+#[inline(always)]
+pub(super) fn tile<const ROW: usize, const STEP: usize, const FUSED: bool>(
+    shape: Shape,
+    left: &[f32],
+    right: &[f32],
+    rows: usize,
+    out: &mut [f32],
+    add: bool,
+) {
+    for row in (0..rows).step_by(4) {
+        for column in (0..PANEL).step_by(16) {
+            let left = &left[row * ROW..];
+            let out = &mut out[row * PANEL + column..];
+            match rows - row {
+                1 => block::<1, ROW, STEP, FUSED>(shape, left, &right[column..], out, add),
+                2 => block::<2, ROW, STEP, FUSED>(shape, left, &right[column..], out, add),
+                3 => block::<3, ROW, STEP, FUSED>(shape, left, &right[column..], out, add),
+                _ => block::<4, ROW, STEP, FUSED>(shape, left, &right[column..], out, add),
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn block<const ROWS: usize, const ROW: usize, const STEP: usize, const FUSED: bool>(
+    shape: Shape,
+    left: &[f32],
+    right: &[f32],
+    out: &mut [f32],
+    add: bool,
+) {
+    let mut sums = [[0.0_f32; 16]; ROWS];
+    let mut k = 0;
+    for outer in 0..shape.outer {
+        for i in 0..shape.inner {
+            let line: &[f32] = &right[k * PANEL..k * PANEL + 16];
+            let at = outer * shape.outer_step + i * STEP;
+            for (r, sums) in sums.iter_mut().enumerate() {
+                let x = left[at + r * ROW];
+                for (sum, y) in sums.iter_mut().zip(line) {
+                    *sum = if FUSED { x.mul_add(*y, *sum) } else { x * y + *sum };
+                }
+            }
+            k += 1;
+        }
+    }
+    for (r, sums) in sums.iter().enumerate() {
+        for (out, sum) in out[r * PANEL..r * PANEL + 16].iter_mut().zip(sums) {
+            *out = if add { *out + sum } else { *sum };
+        }
+    }
+}
