@@ -1,7 +1,9 @@
 //! The command line of `vibes-collect`: arguments, dispatch, progress, exit codes. The only part of this package that prints.
 
+mod bench;
 mod config;
 mod info;
+mod preview;
 mod record;
 mod replay;
 mod show;
@@ -50,6 +52,10 @@ enum Verb {
     Verify(verify::VerifyArgs),
     /// Simulate a trace or a recorded episode again and compare.
     Replay(replay::ReplayArgs),
+    /// Draw one contact sheet per task and difficulty.
+    Preview(preview::PreviewArgs),
+    /// Print the rate card: how fast this machine simulates and draws.
+    Bench(bench::BenchArgs),
 }
 
 /// How a run ended, as the exit code says it.
@@ -75,6 +81,8 @@ pub fn main() -> ExitCode {
         Some(Verb::Info(args)) => info::run(&args, cli.output),
         Some(Verb::Verify(args)) => verify::run(&args, cli.output),
         Some(Verb::Replay(args)) => replay::run(&args, cli.output),
+        Some(Verb::Preview(args)) => preview::run(&args, cli.output),
+        Some(Verb::Bench(args)) => bench::run(&args, cli.output),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -3,9 +3,9 @@
 //! In: a task's name, a start (drawn or given), actions. Out: observations and rewards. An episode's start is a value ([`Start`]), and every
 //! episode goes through it, so that a recording's first row is enough to simulate the episode again.
 
-use vibes_data::{ActionSpec, ObservationPart};
 use rand::RngCore;
 use serde::{Deserialize, Serialize};
+use vibes_data::{ActionSpec, ObservationPart};
 
 use crate::physics::{ModelOverrides, Physics, Snapshot};
 use crate::tasks::{Actuation, EPISODE_CONTROL_STEPS, Loaded, Task, load};

@@ -160,10 +160,6 @@ impl Error {
     }
 
     pub(crate) fn malformed(path: impl Into<PathBuf>, fact: impl Into<String>, expected: impl Into<String>) -> Self {
-        Self::Malformed {
-            fact: fact.into(),
-            expected: expected.into(),
-            path: path.into(),
-        }
+        Self::Malformed { fact: fact.into(), expected: expected.into(), path: path.into() }
     }
 }

@@ -4,6 +4,7 @@
 //! [`distractors::DistractorTrajectory`] says what changes in the picture, a [`render::Renderer`] draws the two together, and
 //! [`recorder::record`] writes episodes. A [`Trace`] is an episode in JSON, to compare simulations with.
 
+pub mod bench;
 pub mod cli;
 pub mod distractor_trace;
 pub mod distractors;
@@ -13,6 +14,7 @@ mod gaussian;
 mod physics;
 pub mod plan;
 mod policies;
+pub mod preview;
 pub mod recorder;
 pub mod render;
 mod rollout;

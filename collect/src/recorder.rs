@@ -197,7 +197,9 @@ impl<'a> Worker<'a> {
 
     fn work(&mut self) -> Result<()> {
         while let Some((planned, row)) = self.shared.next_job() {
-            let trajectory = row.0.get_or_init(|| self.simulate(planned.state).map_err(|error| self.shared.fail_on(Err(error))).ok());
+            let trajectory = row
+                .0
+                .get_or_init(|| self.simulate(planned.state).map_err(|error| self.shared.fail_on(Err(error))).ok());
             let Some(trajectory) = trajectory else { return Ok(()) };
             let episode = self.studio.draw_episode(planned, trajectory, &mut self.environment)?;
             let info = EpisodeInfo {

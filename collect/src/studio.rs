@@ -29,7 +29,12 @@ impl<'a> StudioSettings<'a> {
     ///
     /// # Errors
     /// When the model has no camera that the distractors can move.
-    pub fn new(options: &RecordOptions, seed: u64, environment: &Environment, videos: &'a VideoLibrary) -> Result<Self> {
+    pub fn new(
+        options: &RecordOptions,
+        seed: u64,
+        environment: &Environment,
+        videos: &'a VideoLibrary,
+    ) -> Result<Self> {
         Ok(Self {
             distractors: options.distractors,
             seed,
@@ -99,7 +104,12 @@ impl<'a> Studio<'a> {
     }
 
     /// Everything seen at one row.
-    pub(crate) fn frame(&mut self, trajectory: &StateTrajectory, distractor: &DistractorTrajectory, row: usize) -> Result<Frame> {
+    pub(crate) fn frame(
+        &mut self,
+        trajectory: &StateTrajectory,
+        distractor: &DistractorTrajectory,
+        row: usize,
+    ) -> Result<Frame> {
         let mut pixels = Vec::new();
         if let Some(renderer) = &mut self.renderer {
             pixels.resize(renderer.picture_bytes(), 0);

@@ -18,8 +18,8 @@ mod walker;
 
 use std::fmt::Debug;
 
-use vibes_data::ObservationPart;
 use rand::RngCore;
+use vibes_data::ObservationPart;
 
 pub use known_slide::known_reward;
 pub use sinusoid::Sinusoid;

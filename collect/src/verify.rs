@@ -58,7 +58,10 @@ pub fn verify(recording: &Recording, simulate: bool) -> Result<Verdict> {
         let findings = verify_episode(recording, entry);
         if let (true, Some(again)) = (findings.is_empty(), &mut again) {
             let path = recording.path().join(&entry.arrow.path);
-            let fault = recording.episode(entry.index).map_err(Into::into).and_then(|view| again.compare(entry, &view, &mut verdict));
+            let fault = recording
+                .episode(entry.index)
+                .map_err(Into::into)
+                .and_then(|view| again.compare(entry, &view, &mut verdict));
             verdict.findings.extend(fault.err().map(|error| Finding { path, fault: error.to_string() }));
         }
         verdict.findings.extend(findings);
@@ -83,7 +86,12 @@ impl Again {
 
     fn compare(&mut self, entry: &EpisodeEntry, view: &EpisodeView, verdict: &mut Verdict) -> Result<()> {
         let overrides: ModelOverrides = serde_json::from_value(entry.model_overrides.clone()).unwrap_or_default();
-        let start = Start { qpos: view.qpos(0).to_vec(), qvel: view.qvel(0).to_vec(), model_overrides: overrides, ..Start::default() };
+        let start = Start {
+            qpos: view.qpos(0).to_vec(),
+            qvel: view.qvel(0).to_vec(),
+            model_overrides: overrides,
+            ..Start::default()
+        };
         self.environment.reset_to(&start)?;
         let drawn = self.draw_again(view)?;
         verdict.pictures += drawn.len();
@@ -116,7 +124,11 @@ impl Again {
         let mut picture = vec![0; renderer.picture_bytes()];
         let mut errors = Vec::new();
         for row in [0, view.rows() / 2, view.rows() - 1] {
-            let shown = View { camera: Some(view.camera(row)), background: view.background(row), colors: Some(view.colors(row)) };
+            let shown = View {
+                camera: Some(view.camera(row)),
+                background: view.background(row),
+                colors: Some(view.colors(row)),
+            };
             renderer.draw(view.qpos(row), &shown, &self.videos, &mut picture)?;
             let differences = picture.iter().zip(view.pixels(row)).map(|(&a, &b)| f64::from(a.abs_diff(b)));
             errors.push(differences.sum::<f64>() / picture.len() as f64);

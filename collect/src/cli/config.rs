@@ -21,11 +21,19 @@ pub(super) fn with_config_file(arguments: Vec<OsString>) -> Result<Vec<OsString>
             toml::Value::Boolean(true) => all.push(format!("--{key}").into()),
             toml::Value::Boolean(false) => {}
             toml::Value::Table(_) => bail!("{key} is a table; options are plain values: {}", path.display()),
-            toml::Value::Array(parts) => all.push(format!("--{key}={}", parts.iter().map(plain).collect::<Vec<_>>().join(",")).into()),
+            toml::Value::Array(parts) => {
+                all.push(format!("--{key}={}", parts.iter().map(plain).collect::<Vec<_>>().join(",")).into())
+            }
             value => all.push(format!("--{key}={}", plain(value)).into()),
         }
     }
-    all.extend(arguments.into_iter().enumerate().filter(|(at, _)| ![0, place, place + 1].contains(at)).map(|(_, argument)| argument));
+    all.extend(
+        arguments
+            .into_iter()
+            .enumerate()
+            .filter(|(at, _)| ![0, place, place + 1].contains(at))
+            .map(|(_, argument)| argument),
+    );
     Ok(all)
 }
 
@@ -41,9 +49,17 @@ mod tests {
     fn the_file_comes_first_and_what_is_typed_last() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("grid.toml");
-        std::fs::write(&path, "grid = \"3x2\"\nseed = 4\nstatic = true\ndynamic = false\ndistract = [\"camera\", \"color\"]\n").unwrap();
-        let typed = ["vibes-collect", "--seed", "5", "--config"].map(OsString::from).into_iter().chain([path.into_os_string()]);
+        std::fs::write(
+            &path,
+            "grid = \"3x2\"\nseed = 4\nstatic = true\ndynamic = false\ndistract = [\"camera\", \"color\"]\n",
+        )
+        .unwrap();
+        let typed =
+            ["vibes-collect", "--seed", "5", "--config"].map(OsString::from).into_iter().chain([path.into_os_string()]);
         let all = with_config_file(typed.collect()).unwrap();
-        assert_eq!(all, ["vibes-collect", "--distract=camera,color", "--grid=3x2", "--seed=4", "--static", "--seed", "5"]);
+        assert_eq!(
+            all,
+            ["vibes-collect", "--distract=camera,color", "--grid=3x2", "--seed=4", "--static", "--seed", "5"]
+        );
     }
 }

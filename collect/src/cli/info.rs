@@ -36,16 +36,35 @@ fn describe(recording: &Recording) -> String {
     let Manifest { spec, grid, videos, versions, seed, options, .. } = recording.manifest();
     let episodes = recording.episodes();
     let steps: u64 = episodes.iter().map(|entry| u64::from(entry.steps)).sum();
-    let size: u64 = episodes.iter().map(|entry| entry.arrow.bytes + entry.mcap.as_ref().map_or(0, |file| file.bytes)).sum();
+    let size: u64 =
+        episodes.iter().map(|entry| entry.arrow.bytes + entry.mcap.as_ref().map_or(0, |file| file.bytes)).sum();
     let parts = spec.observation.iter().map(|part| format!("{} {}", part.name, part.len));
     let video_names = videos.iter().map(|video| format!("{} ({} frames)", video.name, video.frames));
     let mut lines = vec![
         ("recording", recording.path().display().to_string()),
-        ("task", format!("{}, {} control steps of {} s per agent step", spec.task, spec.action_repeat, spec.control_timestep)),
-        ("episodes", format!("{}, {} steps, {} rows, {}", episodes.len(), steps, steps + episodes.len() as u64, show::bytes(size))),
+        (
+            "task",
+            format!(
+                "{}, {} control steps of {} s per agent step",
+                spec.task, spec.action_repeat, spec.control_timestep
+            ),
+        ),
+        (
+            "episodes",
+            format!(
+                "{}, {} steps, {} rows, {}",
+                episodes.len(),
+                steps,
+                steps + episodes.len() as u64,
+                show::bytes(size)
+            ),
+        ),
     ];
     if let Some(grid) = grid {
-        lines.push(("grid", format!("{} state trajectories x {} distractor trajectories", grid.states, grid.distractors)));
+        lines.push((
+            "grid",
+            format!("{} state trajectories x {} distractor trajectories", grid.states, grid.distractors),
+        ));
     }
     lines.push(("returns", returns(episodes)));
     let policies = by_policy(episodes);
@@ -57,13 +76,17 @@ fn describe(recording: &Recording) -> String {
     lines.push(("distractors", options.get("distractors").map_or("unknown".into(), ToString::to_string)));
     lines.push(("videos", if videos.is_empty() { "none".into() } else { video_names.collect::<Vec<_>>().join(", ") }));
     lines.push(("seed", seed.to_string()));
-    lines.push(("versions", versions.iter().map(|(name, version)| format!("{name} {version}")).collect::<Vec<_>>().join(", ")));
+    lines.push((
+        "versions",
+        versions.iter().map(|(name, version)| format!("{name} {version}")).collect::<Vec<_>>().join(", "),
+    ));
     lines.iter().map(|(key, value)| format!("{key:12} {value}\n")).collect()
 }
 
 fn returns(episodes: &[EpisodeEntry]) -> String {
     let values = episodes.iter().map(|entry| entry.episode_return);
-    let (low, high) = values.clone().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+    let (low, high) =
+        values.clone().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
     match episodes.len() {
         0 => "none yet".into(),
         count => format!("mean {:.1}, lowest {low:.1}, highest {high:.1}", values.sum::<f64>() / count as f64),
@@ -76,13 +99,25 @@ fn by_policy(episodes: &[EpisodeEntry]) -> Vec<String> {
         policies.entry(&entry.policy).or_default().push(entry.episode_return);
     }
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-    policies.iter().map(|(policy, values)| format!("{policy}: {} episodes, mean return {:.1}", values.len(), mean(values))).collect()
+    policies
+        .iter()
+        .map(|(policy, values)| format!("{policy}: {} episodes, mean return {:.1}", values.len(), mean(values)))
+        .collect()
 }
 
 fn list(episodes: &[EpisodeEntry]) -> String {
-    let cell = |entry: &EpisodeEntry| entry.cell.map_or(String::new(), |cell| format!("cell {},{}  ", cell.state, cell.distractor));
+    let cell = |entry: &EpisodeEntry| {
+        entry.cell.map_or(String::new(), |cell| format!("cell {},{}  ", cell.state, cell.distractor))
+    };
     let line = |entry: &EpisodeEntry| {
-        format!("{:06}  {}{} steps  return {:.1}  {}\n", entry.index, cell(entry), entry.steps, entry.episode_return, entry.policy)
+        format!(
+            "{:06}  {}{} steps  return {:.1}  {}\n",
+            entry.index,
+            cell(entry),
+            entry.steps,
+            entry.episode_return,
+            entry.policy
+        )
     };
     episodes.iter().map(line).collect()
 }

@@ -109,7 +109,8 @@ impl RecordArgs {
         let options = EnvironmentOptions { action_repeat: self.action_repeat, raw_torques: self.raw_torques };
         let environment = Environment::new(&self.task, options)?;
         let mix = self.mix.clone().unwrap_or_else(|| PolicyMix::of(self.policy.clone()));
-        let episodes = self.grid.map_or(self.episodes.unwrap_or(DEFAULT_EPISODES), |grid| grid.states * grid.distractors);
+        let episodes =
+            self.grid.map_or(self.episodes.unwrap_or(DEFAULT_EPISODES), |grid| grid.states * grid.distractors);
         Ok(RecordOptions {
             task: self.task.clone(),
             policy: mix.to_string(),
@@ -118,7 +119,11 @@ impl RecordArgs {
             steps: self.steps.unwrap_or(environment.episode_steps()),
             action_repeat: environment.action_repeat(),
             raw_torques: self.raw_torques,
-            distractors: DistractorSettings { axes: self.distract, difficulty: self.difficulty, dynamic: !self.r#static },
+            distractors: DistractorSettings {
+                axes: self.distract,
+                difficulty: self.difficulty,
+                dynamic: !self.r#static,
+            },
             videos: self.videos.clone().map_or(VideoSource::Procedural, VideoSource::Folder),
             video_set: self.video_set,
             video_count: self.video_count.map(usize::from),
@@ -148,7 +153,10 @@ pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
     meter.finish();
     let recording = recording?;
     if output.json {
-        println!("{}", serde_json::json!({ "recording": folder, "episodes": recording.episodes().len(), "seconds": meter.seconds() }));
+        println!(
+            "{}",
+            serde_json::json!({ "recording": folder, "episodes": recording.episodes().len(), "seconds": meter.seconds() })
+        );
     } else if !output.quiet {
         say(&recording, meter.seconds());
     }
@@ -167,7 +175,8 @@ pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
 fn say(recording: &Recording, seconds: f64) {
     let episodes = recording.episodes();
     let frames: u64 = episodes.iter().map(|entry| u64::from(entry.steps) + 1).sum();
-    let size: u64 = episodes.iter().map(|entry| entry.arrow.bytes + entry.mcap.as_ref().map_or(0, |file| file.bytes)).sum();
+    let size: u64 =
+        episodes.iter().map(|entry| entry.arrow.bytes + entry.mcap.as_ref().map_or(0, |file| file.bytes)).sum();
     let mean = episodes.iter().map(|entry| entry.episode_return).sum::<f64>() / episodes.len().max(1) as f64;
     println!(
         "{}: {} episodes, {frames} frames, {}, mean return {mean:.1}, in {seconds:.1} s",

@@ -23,7 +23,8 @@ pub(super) fn run(args: &VerifyArgs, output: OutputArgs) -> Result<Outcome> {
     let recording = Recording::open(&args.path)?;
     let verdict = verify(&recording, !args.no_simulation)?;
     if output.json {
-        let findings = verdict.findings.iter().map(|finding| serde_json::json!({ "path": finding.path, "fault": finding.fault }));
+        let findings =
+            verdict.findings.iter().map(|finding| serde_json::json!({ "path": finding.path, "fault": finding.fault }));
         let findings: Vec<_> = findings.collect();
         println!(
             "{}",

@@ -1,7 +1,7 @@
 //! The random policy: every number of the action uniform in its bounds, anew at every agent step.
 
-use vibes_data::ActionSpec;
 use rand::{Rng, RngCore};
+use vibes_data::ActionSpec;
 
 /// Draws an action.
 pub(super) fn act(bounds: &ActionSpec, rng: &mut impl RngCore) -> Vec<f64> {

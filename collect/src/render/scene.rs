@@ -38,7 +38,7 @@ impl Stage {
     pub(super) fn new(model: &MjModel, settings: &RenderSettings, domain: &str) -> Result<Self> {
         let is_tracking = is_tracking(model)?;
         let mut stage = Self {
-            data: MjData::try_new(prepared(model, settings)?).map_err(refused)?,
+            data: MjData::try_new(prepared(model, settings)).map_err(refused)?,
             own_rgba: model.mat_rgba().to_vec(),
             ground: model.name_to_id(MjtObjBase::mjOBJ_MATERIAL, "grid"),
             ground_alpha: ground_alpha(domain),
@@ -53,7 +53,7 @@ impl Stage {
 
     pub(super) fn set_model(&mut self, model: &MjModel, settings: &RenderSettings) -> Result<()> {
         self.own_rgba = model.mat_rgba().to_vec();
-        self.data.try_swap_model(prepared(model, settings)?).map_err(refused)?;
+        self.data.try_swap_model(prepared(model, settings)).map_err(refused)?;
         Ok(())
     }
 
@@ -129,8 +129,8 @@ fn refused(error: impl std::fmt::Display) -> Error {
 }
 
 /// A copy of the model with buffers of the picture's size, and with the look's quality.
-fn prepared(model: &MjModel, settings: &RenderSettings) -> Result<Box<MjModel>> {
-    let mut model = Box::new(model.try_clone().map_err(refused)?);
+fn prepared(model: &MjModel, settings: &RenderSettings) -> Box<MjModel> {
+    let mut model = Box::new(model.clone());
     let size = settings.size as i32;
     let visual = model.vis_mut();
     (visual.global.offwidth, visual.global.offheight) = (size, size);
@@ -139,7 +139,7 @@ fn prepared(model: &MjModel, settings: &RenderSettings) -> Result<Box<MjModel>> 
         visual.quality.numslices = 16;
         visual.quality.numstacks = 8;
     }
-    Ok(model)
+    model
 }
 
 /// What is drawn at all.

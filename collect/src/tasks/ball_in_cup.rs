@@ -1,7 +1,7 @@
 //! `ball_in_cup-catch`: swing a ball on a string into the cup. Reward 1 while the ball is inside (`dm_control/suite/ball_in_cup.py`).
 
-use vibes_data::ObservationPart;
 use rand::{Rng, RngCore};
+use vibes_data::ObservationPart;
 
 use super::{Actuation, Loaded, Task, part};
 use crate::physics::{ModelOverrides, Physics, suite_xml};

@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
-use vibes_data::ObservationPart;
 use rand::RngCore;
+use vibes_data::ObservationPart;
 
 use super::{Actuation, Loaded, Sigmoid, Task, Tolerance, part};
 use crate::Result;

@@ -1,7 +1,7 @@
 //! `cheetah-run`: run forwards; the reward grows with speed up to 10 m/s (`dm_control/suite/cheetah.py`).
 
-use vibes_data::ObservationPart;
 use rand::{Rng, RngCore};
+use vibes_data::ObservationPart;
 
 use super::{Actuation, Loaded, Sigmoid, Task, Tolerance, part};
 use crate::Result;

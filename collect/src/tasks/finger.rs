@@ -1,7 +1,7 @@
 //! `finger-spin`: keep a free body spinning by flicking it; reward 1 while it turns fast enough (`dm_control/suite/finger.py`).
 
-use vibes_data::ObservationPart;
 use rand::RngCore;
+use vibes_data::ObservationPart;
 
 use super::random_joints::randomize_joints;
 use super::{Actuation, Loaded, Task, part};

@@ -1,8 +1,8 @@
 //! `known-slide`: a task for tests of the alignment of `o_t`, `a_t` and `r_t`, whose reward is a formula in the observation and the action of
 //! the same row ([`known_reward`]). A weight on a frictionless rail, pushed by a motor; everything MuJoCo does with it fits into two lines.
 
-use vibes_data::ObservationPart;
 use rand::{Rng, RngCore};
+use vibes_data::ObservationPart;
 
 use super::{Actuation, KNOWN_SLIDE, Loaded, Task, part};
 use crate::Result;

@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use vibes_data::ObservationPart;
 use rand::{Rng, RngCore};
+use vibes_data::ObservationPart;
 
 use super::random_joints::randomize_joints;
 use super::{Actuation, Loaded, Task, Tolerance, part};

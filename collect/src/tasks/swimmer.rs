@@ -6,8 +6,8 @@
 use std::fmt::Write;
 use std::ops::RangeInclusive;
 
-use vibes_data::ObservationPart;
 use rand::{Rng, RngCore};
+use vibes_data::ObservationPart;
 
 use super::random_joints::randomize_joints;
 use super::{Actuation, Loaded, Sigmoid, Sinusoid, Task, Tolerance, part};

@@ -1,7 +1,7 @@
 //! `walker-walk`: stand up and walk forwards at 1 m/s (`dm_control/suite/walker.py`).
 
-use vibes_data::ObservationPart;
 use rand::RngCore;
+use vibes_data::ObservationPart;
 
 use super::random_joints::randomize_joints;
 use super::{Actuation, Loaded, Sigmoid, Task, Tolerance, part};

@@ -24,7 +24,7 @@ pub(super) const SIDE: usize = 240;
 /// Frames of a video, about as many as DAVIS videos have.
 pub const FRAMES: usize = 60;
 /// Changes with the pictures.
-pub(super) const VERSION: u32 = 1;
+pub(super) const VERSION: u32 = 2;
 
 /// A kind of video.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,6 +10,7 @@ use super::{SIDE, to_bytes};
 #[derive(Debug)]
 pub(super) struct Shapes {
     shapes: Vec<Shape>,
+    ground: [f32; 3],
     grain: Noise,
     /// Of the camera, pixels a frame.
     pan: [f32; 2],
@@ -50,11 +51,11 @@ impl Shapes {
         let wind: [f32; 2] = std::array::from_fn(|_| rng.random_range(-1.2..1.2));
         let shapes = (0..count).map(|i| Shape::draw(rng, &palette, is_round, i as f32 / count as f32, wind)).collect();
         let pan = if is_round { [0.0; 2] } else { std::array::from_fn(|_| rng.random_range(-1.5..1.5)) };
-        Self { shapes, grain: Noise { seed: rng.random() }, pan }
+        Self { shapes, ground: palette.at(rng.random()), grain: Noise { seed: rng.random() }, pan }
     }
 
     pub(super) fn frame(&self, time: f32) -> Vec<u8> {
-        let mut picture = vec![[0.3; 3]; SIDE * SIDE];
+        let mut picture = vec![self.ground; SIDE * SIDE];
         for (number, shape) in self.shapes.iter().enumerate() {
             self.paint(shape, number as f32 * 7.3, time, &mut picture);
         }

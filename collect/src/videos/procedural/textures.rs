@@ -137,13 +137,13 @@ fn mosaic(cells: &[Cell], pixel: [f32; 2], time: f32) -> f32 {
 impl Wave {
     /// Waves of rank i are shorter and weaker, as 1/f.
     fn draw(rank: usize, rng: &mut impl Rng) -> Self {
-        let frequency = 0.05 * 1.13_f32.powi(rank as i32) * rng.random_range(0.8..1.2);
+        let frequency = 0.03 * 1.11_f32.powi(rank as i32) * rng.random_range(0.8..1.2);
         let (sin, cos) = rng.random_range(0.0..std::f32::consts::TAU).sin_cos();
         Self {
             vector: [frequency * cos, frequency * sin],
             phase: rng.random_range(0.0..std::f32::consts::TAU),
             speed: rng.random_range(-0.35..0.35),
-            strength: 0.014 / frequency.min(0.14),
+            strength: 0.009 / frequency,
             center: std::array::from_fn(|_| rng.random_range(0.0..SIDE as f32)),
             width: rng.random_range(60.0..200.0),
         }

@@ -1,0 +1,67 @@
+//! `vibes-collect preview`: one contact sheet per task and difficulty.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use clap::Args;
+
+use super::{Outcome, OutputArgs};
+use crate::distractors::{Difficulty, DistractorSettings};
+use crate::preview::{ContactSheet, PreviewOptions};
+use crate::render::{Look, RenderSettings};
+use crate::videos::{VideoLibrary, VideoSet, VideoSource};
+
+#[derive(Debug, Args)]
+pub(super) struct PreviewArgs {
+    /// Tasks, as in reacher-easy,walker-walk [default: all, with swimmer-6].
+    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    task: Vec<String>,
+    /// Difficulties [default: all].
+    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    difficulty: Vec<Difficulty>,
+    /// Distractors keep what they are at the start of the episode.
+    #[arg(long = "static")]
+    r#static: bool,
+    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS [default: the built-in procedural videos].
+    #[arg(long, value_name = "DIR")]
+    videos: Option<PathBuf>,
+    /// train or val.
+    #[arg(long, default_value = "train")]
+    video_set: VideoSet,
+    /// Side of each picture, pixels.
+    #[arg(long, default_value_t = 128, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    size: u16,
+    /// fast, or suite for pixels as the Distracting Control Suite's own.
+    #[arg(long, default_value = "fast")]
+    render: Look,
+    /// Of the episode and the distractors.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Folder for the sheets.
+    #[arg(short, long, default_value = "figures")]
+    output: PathBuf,
+}
+
+#[allow(clippy::print_stdout, reason = "the command line's result")]
+pub(super) fn run(args: &PreviewArgs, output: OutputArgs) -> Result<Outcome> {
+    let all = || crate::task_names().into_iter().map(|name| name.replace("swimmer-N", "swimmer-6")).collect();
+    let tasks: Vec<String> = if args.task.is_empty() { all() } else { args.task.clone() };
+    let difficulties = if args.difficulty.is_empty() { Difficulty::ALL.to_vec() } else { args.difficulty.clone() };
+    let pictures = RenderSettings { size: usize::from(args.size), look: args.render };
+    let source = args.videos.clone().map_or(VideoSource::Procedural, VideoSource::Folder);
+    std::fs::create_dir_all(&args.output).with_context(|| format!("cannot make {}", args.output.display()))?;
+    for difficulty in difficulties {
+        let names = source.list(args.video_set, difficulty.videos())?;
+        let videos = VideoLibrary::open(&source, args.video_set, &names, args.render.sky_side(pictures.size))?;
+        let distractors = DistractorSettings { difficulty, dynamic: !args.r#static, ..DistractorSettings::default() };
+        for task in &tasks {
+            let path = args.output.join(format!("preview-{task}-{difficulty}.png"));
+            ContactSheet::draw(task, &PreviewOptions { distractors, pictures, seed: args.seed }, &videos)?
+                .write(&path)?;
+            if !output.quiet {
+                println!("{}", path.display());
+            }
+        }
+    }
+    Ok(Outcome::Done)
+}
