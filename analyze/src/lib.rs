@@ -22,6 +22,7 @@ pub mod quality;
 pub mod report;
 pub mod scene;
 pub mod symmetry;
+pub mod tsne;
 pub mod umap;
 
 pub use error::Error;
