@@ -1,22 +1,21 @@
 //! Offline training: the one loop. In: a run folder, recordings and options. Out: checkpoints and metrics in the run folder; what happens on the way is told to
 //! a listener, which may stop it.
 
-use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use burn::tensor::Device;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
-use vibes_data::{Recording, Spec};
-use vibes_model::{Model, ObservationKind};
+use vibes_data::Recording;
+use vibes_model::Model;
 
 use crate::batch::Batch;
 use crate::error::{Result, TrainError};
 use crate::evaluate::{Report, evaluate};
 use crate::metrics::{Averages, MetricsFile, Row};
-use crate::options::{Observations, Options};
-use crate::run::{FORMAT, Run, RunInfo, State, versions};
+use crate::options::Options;
+use crate::run::{Run, State};
 use crate::update::Learner;
 use crate::windows::{Prefetch, Purpose, Windows, update_rng};
 
@@ -75,35 +74,6 @@ pub enum End {
     Stopped,
     /// There was nothing left to do.
     Nothing,
-}
-
-/// Opens or begins the run at `path` for these recordings and options.
-///
-/// # Errors
-/// The recordings differ in what they hold, or lack the observations asked for, or the folder holds another run.
-pub fn prepare(path: &Path, recordings: &[Recording], options: &Options) -> Result<Run> {
-    let Some(first) = recordings.first() else {
-        return Err(TrainError::Options("no recording was named; name at least one".to_owned()));
-    };
-    let spec = &first.manifest().spec;
-    let observation = observation_kind(first, options.observations)?;
-    for other in &recordings[1..] {
-        let kind = observation_kind(other, options.observations)?;
-        if other.manifest().spec.action != spec.action || kind != observation {
-            let (found, wanted) = (describe(&other.manifest().spec, kind), describe(spec, observation));
-            return Err(TrainError::OtherRecording { found, wanted, path: other.path().to_owned() });
-        }
-    }
-    let info = RunInfo {
-        format: FORMAT.to_owned(),
-        model: options.model(spec, observation),
-        options: options.clone(),
-        recordings: recordings.iter().map(|recording| recording.path().to_owned()).collect::<Vec<PathBuf>>(),
-        episodes: recordings.iter().map(|recording| recording.episodes().len()).sum(),
-        steps: recordings.iter().flat_map(Recording::episodes).map(|episode| u64::from(episode.steps)).sum(),
-        versions: versions(),
-    };
-    Run::create_or_open(path, info)
 }
 
 /// Trains until the updates are made, the minutes are up, or the listener stops it; always saves what it did.
@@ -262,25 +232,4 @@ fn first_learner(run: &Run, device: &Device) -> Result<Learner> {
 fn out_of_time(options: &Options, seconds: f64) -> bool {
     options.minutes > 0.0
         && Duration::from_secs_f64(seconds.max(0.0)) >= Duration::from_secs_f64(options.minutes * 60.0)
-}
-
-fn observation_kind(recording: &Recording, wanted: Observations) -> Result<ObservationKind> {
-    let spec = &recording.manifest().spec;
-    let pixels =
-        spec.pixels.map(|size| ObservationKind::Pixels { height: size.height as usize, width: size.width as usize });
-    let vector = Some(spec.observation_len()).filter(|&len| len > 0).map(|len| ObservationKind::Vector { len });
-    let (kind, name) = match wanted {
-        Observations::Auto => (pixels.or(vector), "observations"),
-        Observations::Pixels => (pixels, "pixels"),
-        Observations::Vectors => (vector, "vector observations"),
-    };
-    kind.ok_or_else(|| TrainError::OtherRecording {
-        found: format!("no {name}"),
-        wanted: name.to_owned(),
-        path: recording.path().to_owned(),
-    })
-}
-
-fn describe(spec: &Spec, kind: ObservationKind) -> String {
-    format!("{} with {kind} and {} actions", spec.task, spec.action.min.len())
 }

@@ -6,7 +6,7 @@
 //! | [`windows`], [`batch`] | windows gathered ahead of time, and as tensors |
 //! | [`objective`] | what is maximised: `vibes`, `no-adversary`, `reconstruction` |
 //! | [`update`], [`optimizer`] | one update of Algorithm 1, Adam |
-//! | [`fit`] | the one loop |
+//! | [`prepare`], [`fit`] | the run folder begun or found; the one loop |
 //! | [`run`], [`metrics`], [`spectrum`] | the run folder, its numbers over time |
 //! | [`encode`] | a trained run's latents of a recording |
 //! | [`evaluate`] | how good the latents are, on a held-out grid |
@@ -22,6 +22,7 @@ pub mod metrics;
 pub mod objective;
 pub mod optimizer;
 pub mod options;
+pub mod prepare;
 pub mod run;
 pub mod spectrum;
 pub mod update;

@@ -10,6 +10,10 @@ use vibes_model::{ModelConfig, ObservationKind};
 use crate::error::{Result, TrainError, io, malformed};
 use crate::objective::{Objective, Weights};
 
+pub mod presets;
+
+use presets::PRESETS;
+
 /// What the model looks at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -77,90 +81,6 @@ pub struct Options {
     pub log_every: u64,
     /// Checkpoints to keep.
     pub keep: usize,
-}
-
-/// Makes a preset's options.
-pub type Preset = fn() -> Options;
-
-/// The presets, by name.
-pub const PRESETS: [(&str, Preset); 4] = [("tiny", tiny), ("small", small), ("base", base), ("paper", paper)];
-
-/// For a CPU: what learned fastest per hour in the first trials.
-pub fn small() -> Options {
-    Options {
-        objective: Objective::Vibes,
-        observations: Observations::Auto,
-        seed: 0,
-        batch: 8,
-        length: 16,
-        burn_in: 2,
-        lr: 5e-4,
-        adversary_lr: 1e-3,
-        adam_epsilon: 1e-8,
-        gradient_clip: 100.0,
-        dynamics_weight: 0.03,
-        dynamics_warmup: 0,
-        reward_weight: 1.0,
-        depth: 16,
-        hidden: 256,
-        head: 256,
-        latent: 32,
-        latent_std: 0.1,
-        prediction_floor: 0.1,
-        reward_floor: 0.1,
-        updates: 20_000,
-        minutes: 0.0,
-        checkpoint_every: 500,
-        log_every: 20,
-        keep: 3,
-    }
-}
-
-/// For tests: seconds, not minutes.
-fn tiny() -> Options {
-    Options {
-        batch: 4,
-        length: 8,
-        depth: 4,
-        hidden: 32,
-        head: 32,
-        latent: 8,
-        updates: 200,
-        checkpoint_every: 50,
-        log_every: 5,
-        ..small()
-    }
-}
-
-/// The size of the networks most often used with such pictures; a machine with many cores or a GPU.
-fn base() -> Options {
-    Options {
-        batch: 16,
-        length: 32,
-        burn_in: 4,
-        depth: 32,
-        lr: 3e-4,
-        updates: 100_000,
-        checkpoint_every: 1000,
-        ..small()
-    }
-}
-
-/// The objective with the weights it is written with, at Dreamer's sizes (which the paper replaces the model learning of).
-fn paper() -> Options {
-    Options {
-        batch: 50,
-        length: 50,
-        burn_in: 0,
-        depth: 32,
-        hidden: 200,
-        head: 200,
-        latent: 30,
-        dynamics_weight: 1.0,
-        lr: 3e-4,
-        updates: 100_000,
-        ..small()
-    }
 }
 
 impl Options {
@@ -277,55 +197,4 @@ fn widen(value: &toml::Value, like: Option<&toml::Value>) -> toml::Value {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_preset_passes_its_own_checks() {
-        for (name, _) in PRESETS {
-            Options::resolve(name, &[]).unwrap_or_else(|error| panic!("{name}: {error}"));
-        }
-    }
-
-    #[test]
-    fn later_layers_win_and_whole_numbers_are_widened() {
-        let file: Table = "batch = 3\nlr = 1".parse().unwrap();
-        let flags: Table = "batch = 5".parse().unwrap();
-        let options = Options::resolve("small", &[("a.toml", file), ("the arguments", flags)]).unwrap();
-        assert_eq!((options.batch, options.lr), (5, 1.0));
-    }
-
-    #[test]
-    fn unknown_names_list_the_known_ones() {
-        let error = Options::resolve("huge", &[]).unwrap_err().to_string();
-        assert!(error.contains("tiny, small, base, paper"), "{error}");
-        let file: Table = "batchsize = 3".parse().unwrap();
-        let error = Options::resolve("small", &[("a.toml", file)]).unwrap_err().to_string();
-        assert!(error.contains("batchsize") && error.contains("gradient_clip") && error.contains("a.toml"), "{error}");
-    }
-
-    #[test]
-    fn impossible_values_are_refused() {
-        for text in ["batch = 0", "lr = 0", "latent_std = -1.0", "length = 3", "objective = 'dreamer'", "lr = nan"] {
-            let layer: Table = text.parse().unwrap();
-            assert!(Options::resolve("small", &[("the arguments", layer)]).is_err(), "{text}");
-        }
-    }
-
-    #[test]
-    fn warm_up_rises_to_the_weight() {
-        let options = Options { dynamics_warmup: 100, dynamics_weight: 0.5, ..small() };
-        assert_eq!(options.weights(0).dynamics, 0.0);
-        assert_eq!(options.weights(50).dynamics, 0.25);
-        assert_eq!(options.weights(100).dynamics, 0.5);
-        assert_eq!(small().weights(0).dynamics, 0.03);
-    }
-
-    #[test]
-    fn only_options_that_change_the_numbers_are_compared() {
-        let longer = Options { updates: 5, ..small() };
-        assert_eq!(small().first_difference(&longer), None);
-        let other = Options { dynamics_weight: 1.0, ..small() };
-        assert_eq!(small().first_difference(&other).unwrap().0, "dynamics-weight");
-    }
-}
+mod tests;

@@ -11,10 +11,11 @@ use toml::Table;
 use vibes_data::Recording;
 use vibes_model::checkpoint::load_tensors;
 use vibes_train::TrainError;
-use vibes_train::fit::{End, Event, Go, fit, prepare};
+use vibes_train::fit::{End, Event, Go, fit};
 use vibes_train::metrics::read_rows;
 use vibes_train::objective::Objective;
 use vibes_train::options::Options;
+use vibes_train::prepare::prepare;
 
 fn options(text: &str) -> Options {
     Options::resolve("tiny", &[("the test", text.parse::<Table>().unwrap())]).unwrap()

@@ -7,8 +7,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::{Context as _, Result};
 use clap::Args;
 use vibes_data::Recording;
-use vibes_train::fit::{End, Go, HeldOut, fit, prepare};
+use vibes_train::fit::{End, Go, HeldOut, fit};
 use vibes_train::options::Options;
+use vibes_train::prepare::prepare;
 use vibes_train::run::Run;
 
 use super::flags::OptionArgs;

@@ -1,0 +1,88 @@
+//! The presets: sizes and rates to start from, by name.
+
+use super::{Observations, Options};
+use crate::objective::Objective;
+
+/// Makes a preset's options.
+pub type Preset = fn() -> Options;
+
+/// The presets, by name.
+pub const PRESETS: [(&str, Preset); 4] = [("tiny", tiny), ("small", small), ("base", base), ("paper", paper)];
+
+/// For a CPU: what learned fastest per hour in the first trials.
+pub fn small() -> Options {
+    Options {
+        objective: Objective::Vibes,
+        observations: Observations::Auto,
+        seed: 0,
+        batch: 8,
+        length: 16,
+        burn_in: 2,
+        lr: 5e-4,
+        adversary_lr: 1e-3,
+        adam_epsilon: 1e-8,
+        gradient_clip: 100.0,
+        dynamics_weight: 0.03,
+        dynamics_warmup: 0,
+        reward_weight: 1.0,
+        depth: 16,
+        hidden: 256,
+        head: 256,
+        latent: 32,
+        latent_std: 0.1,
+        prediction_floor: 0.1,
+        reward_floor: 0.1,
+        updates: 20_000,
+        minutes: 0.0,
+        checkpoint_every: 500,
+        log_every: 20,
+        keep: 3,
+    }
+}
+
+/// For tests: seconds, not minutes.
+fn tiny() -> Options {
+    Options {
+        batch: 4,
+        length: 8,
+        depth: 4,
+        hidden: 32,
+        head: 32,
+        latent: 8,
+        updates: 200,
+        checkpoint_every: 50,
+        log_every: 5,
+        ..small()
+    }
+}
+
+/// The size of the networks most often used with such pictures; a machine with many cores or a GPU.
+fn base() -> Options {
+    Options {
+        batch: 16,
+        length: 32,
+        burn_in: 4,
+        depth: 32,
+        lr: 3e-4,
+        updates: 100_000,
+        checkpoint_every: 1000,
+        ..small()
+    }
+}
+
+/// The objective with the weights it is written with, at Dreamer's sizes (which the paper replaces the model learning of).
+fn paper() -> Options {
+    Options {
+        batch: 50,
+        length: 50,
+        burn_in: 0,
+        depth: 32,
+        hidden: 200,
+        head: 200,
+        latent: 30,
+        dynamics_weight: 1.0,
+        lr: 3e-4,
+        updates: 100_000,
+        ..small()
+    }
+}

@@ -1,0 +1,53 @@
+//! How options come about, and which are refused.
+
+use super::presets::small;
+use super::*;
+
+#[test]
+fn every_preset_passes_its_own_checks() {
+    for (name, _) in PRESETS {
+        Options::resolve(name, &[]).unwrap_or_else(|error| panic!("{name}: {error}"));
+    }
+}
+
+#[test]
+fn later_layers_win_and_whole_numbers_are_widened() {
+    let file: Table = "batch = 3\nlr = 1".parse().unwrap();
+    let flags: Table = "batch = 5".parse().unwrap();
+    let options = Options::resolve("small", &[("a.toml", file), ("the arguments", flags)]).unwrap();
+    assert_eq!((options.batch, options.lr), (5, 1.0));
+}
+
+#[test]
+fn unknown_names_list_the_known_ones() {
+    let error = Options::resolve("huge", &[]).unwrap_err().to_string();
+    assert!(error.contains("tiny, small, base, paper"), "{error}");
+    let file: Table = "batchsize = 3".parse().unwrap();
+    let error = Options::resolve("small", &[("a.toml", file)]).unwrap_err().to_string();
+    assert!(error.contains("batchsize") && error.contains("gradient_clip") && error.contains("a.toml"), "{error}");
+}
+
+#[test]
+fn impossible_values_are_refused() {
+    for text in ["batch = 0", "lr = 0", "latent_std = -1.0", "length = 3", "objective = 'dreamer'", "lr = nan"] {
+        let layer: Table = text.parse().unwrap();
+        assert!(Options::resolve("small", &[("the arguments", layer)]).is_err(), "{text}");
+    }
+}
+
+#[test]
+fn warm_up_rises_to_the_weight() {
+    let options = Options { dynamics_warmup: 100, dynamics_weight: 0.5, ..small() };
+    assert_eq!(options.weights(0).dynamics, 0.0);
+    assert_eq!(options.weights(50).dynamics, 0.25);
+    assert_eq!(options.weights(100).dynamics, 0.5);
+    assert_eq!(small().weights(0).dynamics, 0.03);
+}
+
+#[test]
+fn only_options_that_change_the_numbers_are_compared() {
+    let longer = Options { updates: 5, ..small() };
+    assert_eq!(small().first_difference(&longer), None);
+    let other = Options { dynamics_weight: 1.0, ..small() };
+    assert_eq!(small().first_difference(&other).unwrap().0, "dynamics-weight");
+}

@@ -1,0 +1,60 @@
+//! Before training: what the recordings hold decides the model, and the run folder is begun or found. In: recordings and options. Out: a run.
+
+use std::path::{Path, PathBuf};
+
+use vibes_data::{Recording, Spec};
+use vibes_model::ObservationKind;
+
+use crate::error::{Result, TrainError};
+use crate::options::{Observations, Options};
+use crate::run::{FORMAT, Run, RunInfo, versions};
+
+/// Opens or begins the run at `path` for these recordings and options.
+///
+/// # Errors
+/// The recordings differ in what they hold, or lack the observations asked for, or the folder holds another run.
+pub fn prepare(path: &Path, recordings: &[Recording], options: &Options) -> Result<Run> {
+    let Some(first) = recordings.first() else {
+        return Err(TrainError::Options("no recording was named; name at least one".to_owned()));
+    };
+    let spec = &first.manifest().spec;
+    let observation = observation_kind(first, options.observations)?;
+    for other in &recordings[1..] {
+        let kind = observation_kind(other, options.observations)?;
+        if other.manifest().spec.action != spec.action || kind != observation {
+            let (found, wanted) = (describe(&other.manifest().spec, kind), describe(spec, observation));
+            return Err(TrainError::OtherRecording { found, wanted, path: other.path().to_owned() });
+        }
+    }
+    let info = RunInfo {
+        format: FORMAT.to_owned(),
+        model: options.model(spec, observation),
+        options: options.clone(),
+        recordings: recordings.iter().map(|recording| recording.path().to_owned()).collect::<Vec<PathBuf>>(),
+        episodes: recordings.iter().map(|recording| recording.episodes().len()).sum(),
+        steps: recordings.iter().flat_map(Recording::episodes).map(|episode| u64::from(episode.steps)).sum(),
+        versions: versions(),
+    };
+    Run::create_or_open(path, info)
+}
+
+fn observation_kind(recording: &Recording, wanted: Observations) -> Result<ObservationKind> {
+    let spec = &recording.manifest().spec;
+    let pixels =
+        spec.pixels.map(|size| ObservationKind::Pixels { height: size.height as usize, width: size.width as usize });
+    let vector = Some(spec.observation_len()).filter(|&len| len > 0).map(|len| ObservationKind::Vector { len });
+    let (kind, name) = match wanted {
+        Observations::Auto => (pixels.or(vector), "observations"),
+        Observations::Pixels => (pixels, "pixels"),
+        Observations::Vectors => (vector, "vector observations"),
+    };
+    kind.ok_or_else(|| TrainError::OtherRecording {
+        found: format!("no {name}"),
+        wanted: name.to_owned(),
+        path: recording.path().to_owned(),
+    })
+}
+
+fn describe(spec: &Spec, kind: ObservationKind) -> String {
+    format!("{} with {kind} and {} actions", spec.task, spec.action.min.len())
+}
