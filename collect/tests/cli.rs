@@ -1,0 +1,141 @@
+//! `vibes-collect` as a process: what it records, how it goes on, what it says and exits with when something is wrong.
+
+#![allow(missing_docs, reason = "a test")]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use vibes_data::{EpisodeView, Recording};
+
+fn collect(folder: &Path, arguments: &str) -> Output {
+    let arguments = arguments.split_whitespace();
+    Command::new(env!("CARGO_BIN_EXE_vibes-collect")).args(arguments).current_dir(folder).output().unwrap()
+}
+
+fn fails(folder: &Path, arguments: &str, code: i32, says: &str) {
+    let output = collect(folder, arguments);
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments}: {text}");
+    assert!(text.contains(says), "{arguments}: {text}");
+    assert!(!text.contains("panicked"), "{arguments}: {text}");
+}
+
+fn works(folder: &Path, arguments: &str) -> String {
+    let output = collect(folder, arguments);
+    assert!(output.status.success(), "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn a_grid_simulates_each_state_once_and_draws_it_under_every_distractor() {
+    let folder = tempfile::tempdir().unwrap();
+    works(folder.path(), "--grid 2x3 --steps 6 --seed 5");
+    let recording = Recording::open(&folder.path().join("recordings/reacher-easy-2x3")).unwrap();
+    let view = |state: u32, distractor: u32| -> EpisodeView { recording.episode(state * 3 + distractor).unwrap() };
+    for state in 0..2 {
+        for row in 0..7 {
+            for distractor in 1..3 {
+                assert_eq!(view(state, 0).qpos(row), view(state, distractor).qpos(row), "the same state along a row");
+                assert_ne!(view(state, 0).pixels(row), view(state, distractor).pixels(row), "another picture");
+            }
+        }
+    }
+    for distractor in 0..3 {
+        for row in 0..7 {
+            let (one, other) = (view(0, distractor), view(1, distractor));
+            assert_eq!((one.camera(row), one.background(row)), (other.camera(row), other.background(row)));
+            assert_eq!(one.colors(row), other.colors(row), "the same distractor down a column");
+        }
+    }
+    assert_ne!(view(0, 0).qpos(0), view(1, 0).qpos(0), "states start differently");
+    assert_ne!(view(0, 0).camera(0), view(0, 1).camera(0), "distractors start differently");
+}
+
+#[test]
+fn a_recording_goes_on_with_the_same_command_and_ends_with_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    works(folder.path(), "--episodes 4 --steps 4 -o whole");
+    works(folder.path(), "--episodes 4 --steps 4 -o parts --threads 1");
+    let parts = folder.path().join("parts");
+    std::fs::remove_file(parts.join("episodes/000002.arrow")).unwrap();
+    let manifest = std::fs::read_to_string(parts.join("manifest.json")).unwrap();
+    let mut manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
+    manifest["episodes"] = serde_json::json!([]);
+    std::fs::write(parts.join("manifest.json"), manifest.to_string()).unwrap();
+    works(folder.path(), "--episodes 4 --steps 4 -o parts");
+    for index in 0..4 {
+        let file = |of: &str| std::fs::read(folder.path().join(of).join(format!("episodes/{index:06}.arrow"))).unwrap();
+        assert_eq!(file("whole"), file("parts"), "episode {index}");
+    }
+    let manifest = |of: &str| std::fs::read(folder.path().join(of).join("manifest.json")).unwrap();
+    assert_eq!(manifest("whole"), manifest("parts"));
+    fails(folder.path(), "--episodes 4 --steps 5 -o whole", 1, "options.steps is 4, asked for was 5");
+}
+
+#[test]
+fn rewards_are_those_of_their_own_row() {
+    let folder = tempfile::tempdir().unwrap();
+    works(folder.path(), "--task known-slide --episodes 2 --steps 30 --no-pixels -o known");
+    let recording = Recording::open(&folder.path().join("known")).unwrap();
+    let repeat = recording.manifest().spec.action_repeat;
+    for entry in recording.episodes() {
+        let view = recording.episode(entry.index).unwrap();
+        for step in 0..view.steps() {
+            let observation = [0, 1].map(|i| f64::from(view.observation(step)[i]));
+            let expected = vibes_collect::known_reward(observation, f64::from(view.action(step)[0]), repeat);
+            assert!((f64::from(view.reward(step)) - expected).abs() < 1e-6, "step {step}");
+        }
+    }
+}
+
+#[test]
+fn verify_finds_a_damaged_file_and_says_which() {
+    let folder = tempfile::tempdir().unwrap();
+    works(folder.path(), "--episodes 2 --steps 5 -o sound");
+    assert!(works(folder.path(), "verify sound").contains("sound"));
+    let file = folder.path().join("sound/episodes/000001.arrow");
+    let mut bytes = std::fs::read(&file).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 0xff;
+    std::fs::write(&file, bytes).unwrap();
+    let output = collect(folder.path(), "verify sound");
+    assert_eq!(output.status.code(), Some(3), "data was lost");
+    assert!(String::from_utf8_lossy(&output.stdout).contains("000001.arrow"));
+}
+
+#[test]
+fn info_says_what_a_recording_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    works(folder.path(), "--grid 1x2 --steps 3 -o r");
+    let text = works(folder.path(), "info r");
+    for said in ["reacher-easy", "1 state trajectories x 2 distractor trajectories", "64 x 64 RGB", "random: 2 episodes"] {
+        assert!(text.contains(said), "{said} in {text}");
+    }
+    let manifest: serde_json::Value = serde_json::from_str(&works(folder.path(), "info r --json")).unwrap();
+    assert_eq!(manifest["grid"]["distractors"], 2);
+}
+
+#[test]
+fn wrong_arguments_exit_with_2_and_list_what_is_known() {
+    let folder = tempfile::tempdir().unwrap();
+    fails(folder.path(), "--task reacher-hard", 2, "reacher-easy, walker-walk");
+    fails(folder.path(), "--grid 10", 2, "states x distractors");
+    fails(folder.path(), "--grid 2x2 --episodes 3", 2, "cannot be used with");
+    fails(folder.path(), "--policy walk", 2, "planner:noise=SIGMA");
+    fails(folder.path(), "--difficulty insane", 2, "easy, medium, hard");
+    fails(folder.path(), "--distract sound", 2, "background, camera, color");
+    fails(folder.path(), "--steps 0", 2, "steps");
+    assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "nothing is left behind");
+}
+
+#[test]
+fn missing_and_broken_input_exits_with_1() {
+    let folder = tempfile::tempdir().unwrap();
+    fails(folder.path(), "info nowhere", 1, "no recording here");
+    fails(folder.path(), "verify nowhere", 1, "no recording here");
+    fails(folder.path(), "--videos nowhere", 1, "nowhere");
+    fails(folder.path(), "replay nowhere.json", 1, "nowhere.json");
+    std::fs::create_dir(folder.path().join("broken")).unwrap();
+    std::fs::write(folder.path().join("broken/manifest.json"), "{").unwrap();
+    fails(folder.path(), "info broken", 1, "manifest.json");
+}

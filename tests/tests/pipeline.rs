@@ -1,0 +1,74 @@
+//! The three programs, one after the other, on a tiny real recording: MuJoCo to Arrow to Burn to figures. They meet only on
+//! disk, so nothing of theirs is linked here.
+
+#![allow(missing_docs, reason = "a test")]
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use vibes_data::{Latents, Recording};
+
+/// Where cargo puts the built programs: two folders above this test.
+fn program(name: &str) -> PathBuf {
+    let test = std::env::current_exe().unwrap();
+    let path = test.parent().and_then(Path::parent).unwrap().join(name);
+    assert!(path.is_file(), "{name} is not built; run `cargo build --workspace` first: {}", path.display());
+    path
+}
+
+fn run(folder: &Path, line: &str) -> String {
+    let mut words = line.split_whitespace();
+    let mut command = Command::new(program(words.next().unwrap()));
+    let output = command.args(words).current_dir(folder).output().unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{line}\n{errors}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn a_recording_becomes_latents_becomes_figures() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    run(folder, "vibes-collect --episodes 4 --steps 24 --video-count 2 --seed 1 -o recordings/train");
+    run(folder, "vibes-collect --grid 3x3 --steps 24 --video-set val --video-count 2 --seed 2 -o recordings/grid");
+    run(folder, "vibes-train offline recordings/train --preset tiny --updates 6 -o runs/tiny");
+    run(folder, "vibes-train encode runs/tiny recordings/grid");
+
+    let latents = Latents::read(&folder.join("runs/tiny/latents.arrow")).unwrap();
+    let grid = Recording::open(&folder.join("recordings/grid")).unwrap();
+    assert_eq!(latents.len(), 9 * 25, "a latent for every row, the last ones too");
+    for row in 0..latents.len() {
+        let view = grid.episode(latents.episode[row]).unwrap();
+        let step = latents.step[row] as usize;
+        let reward = (step < view.steps()).then(|| view.reward(step));
+        assert_eq!(latents.reward[row], reward, "the reward of its own row");
+        assert_eq!(view.cell().map(|cell| cell.state), latents.state[row]);
+        assert_eq!(view.cell().map(|cell| cell.distractor), latents.distractor[row]);
+        let norm: f32 = latents.row(row).iter().map(|number| number * number).sum();
+        assert!((norm - 1.0).abs() < 1e-4, "posterior means have unit norm");
+    }
+
+    // As typed, with no input named: the newest latents are found and said.
+    assert!(run(folder, "vibes-analyze nn --queries 4").contains("neighbours"));
+    run(folder, "vibes-analyze umap");
+    run(folder, "vibes-analyze grid --panels 3x3");
+    run(folder, "vibes-analyze invariance");
+    run(folder, "vibes-analyze scene");
+    let figures = folder.join("runs/tiny/figures");
+    for file in ["neighbours.png", "neighbours.svg", "neighbours.json", "map.png", "map.arrow", "grid.png", "invariance.json", "scene.rrd"] {
+        let size = std::fs::metadata(figures.join(file)).map_or(0, |found| found.len());
+        assert!(size > 200, "{file} has {size} bytes");
+    }
+    let text = std::fs::read_to_string(figures.join("neighbours.json")).unwrap();
+    let neighbours: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(neighbours["queries"].as_array().map(Vec::len), Some(4), "{text}");
+}
+
+#[test]
+fn every_program_has_help_and_lists_what_it_knows() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["vibes-collect", "vibes-train", "vibes-analyze"] {
+        assert!(run(folder.path(), &format!("{name} --help")).contains("Usage"), "{name}");
+        assert!(run(folder.path(), &format!("{name} --version")).contains(env!("CARGO_PKG_VERSION")), "{name}");
+    }
+}
