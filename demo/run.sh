@@ -26,7 +26,7 @@ vibes-train offline "$train" --minutes "$minutes" --seed 0 -o "$run"
 step "Encoding the grid"
 vibes-train encode "$run" "$grid"
 
-updates=$(vibes-train info "$run" --json | python3 -c 'import json, sys; print(json.load(sys.stdin)["updates"])')
+updates=$(vibes-train info "$run" --json | python3 -c 'import json, sys; print(json.load(sys.stdin)["last"]["update"])')
 note="trained for $updates updates in $minutes minutes on 2 cores: barely trained"
 latents=$run/latents.arrow
 

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use arrow::buffer::Buffer;
-use arrow::datatypes::{Schema, SchemaRef};
+use arrow::datatypes::{DataType, Fields, Schema, SchemaRef};
 use arrow::ipc::convert::fb_to_schema;
 use arrow::ipc::reader::{FileDecoder, read_footer_length};
-use arrow::ipc::{Block, MetadataVersion, root_as_footer, root_as_message};
+use arrow::ipc::{Block, FieldNode, MetadataVersion, root_as_footer, root_as_message};
 use arrow::record_batch::RecordBatch;
 use memmap2::Mmap;
 
@@ -72,7 +72,7 @@ impl MappedTable {
         let broken = |fact: String| Error::malformed(&self.path, fact, "a whole Arrow file");
         let block = self.blocks.get(index).ok_or_else(|| broken("no rows".into()))?;
         let slice = self.block_slice(block).ok_or_else(|| broken("a record batch outside the file".into()))?;
-        if !message_is_sound(&slice, block) {
+        if !message_is_sound(&slice, block, self.schema.fields()) {
             return Err(broken("a damaged record batch".into()));
         }
         FileDecoder::new(self.schema(), self.version)
@@ -108,8 +108,7 @@ fn checked_schema(schema: arrow::ipc::Schema<'_>) -> Option<Schema> {
             Type::FixedSizeList => {
                 field.type_as_fixed_size_list().is_some_and(|list| list.listSize() >= 0) && children.len() == 1
             }
-            Type::List | Type::LargeList => children.len() == 1,
-            Type::Bool | Type::Utf8 | Type::LargeUtf8 | Type::Struct_ => true,
+            Type::Bool | Type::Struct_ => true,
             _ => false,
         };
         shape
@@ -121,28 +120,54 @@ fn checked_schema(schema: arrow::ipc::Schema<'_>) -> Option<Schema> {
     fields.iter().all(|field| field_is_sound(field, 0)).then(|| fb_to_schema(schema))
 }
 
-/// Whether a record batch's buffers lie inside its body and its header is where the block says.
-fn message_is_sound(slice: &[u8], block: &Block) -> bool {
+/// Whether a record batch's header is where the block says, its buffers lie inside its body, and each is long enough for its
+/// column: Arrow's decoder asserts what it does not check.
+fn message_is_sound(slice: &[u8], block: &Block, fields: &Fields) -> bool {
     let continuation = slice[..4] == [0xff; 4];
     let start = if continuation { 8 } else { 4 };
     let metadata = usize::try_from(block.metaDataLength()).unwrap_or(0);
     let Some(header) = slice.get(start..metadata) else { return false };
     let Ok(message) = root_as_message(header) else { return false };
     let Some(batch) = message.header_as_record_batch() else { return false };
+    let (Some(nodes), Some(buffers)) = (batch.nodes(), batch.buffers()) else { return false };
     let body = block.bodyLength();
-    let inside = |offset: i64, length: i64| {
+    let lies_inside = |buffer: &arrow::ipc::Buffer| {
+        let (offset, length) = (buffer.offset(), buffer.length());
         offset >= 0 && length >= 0 && offset.checked_add(length).is_some_and(|end| end <= body)
     };
-    let nodes = batch
-        .nodes()
-        .iter()
-        .flatten()
-        .all(|node| node.length() >= 0 && (0..=node.length()).contains(&node.null_count()));
-    let buffers = batch.buffers().iter().flatten().all(|buffer| inside(buffer.offset(), buffer.length()));
-    batch.length() >= 0
-        && nodes
-        && buffers
-        && batch.compression().is_none()
-        && batch.nodes().is_some()
-        && batch.buffers().is_some()
+    let mut columns = Columns { nodes: nodes.iter().copied(), buffers: buffers.iter().copied() };
+    batch.compression().is_none()
+        && buffers.iter().all(lies_inside)
+        && fields.iter().all(|field| columns.fit(field.data_type(), batch.length()))
+}
+
+/// The nodes and buffers of a record batch, in the order of its columns.
+struct Columns<N, B> {
+    nodes: N,
+    buffers: B,
+}
+
+impl<N: Iterator<Item = FieldNode>, B: Iterator<Item = arrow::ipc::Buffer>> Columns<N, B> {
+    /// Whether the next column has `rows` rows and buffers that hold them.
+    fn fit(&mut self, of: &DataType, rows: i64) -> bool {
+        let (Some(node), Some(validity)) = (self.nodes.next(), self.buffers.next()) else { return false };
+        let nulls = node.null_count();
+        let whole = rows >= 0 && node.length() == rows && (0..=rows).contains(&nulls);
+        if !whole || (nulls > 0 && validity.length().saturating_mul(8) < rows) {
+            return false;
+        }
+        match of {
+            DataType::Struct(children) => children.iter().all(|child| self.fit(child.data_type(), rows)),
+            DataType::FixedSizeList(child, size) => {
+                rows.checked_mul(i64::from(*size)).is_some_and(|rows| self.fit(child.data_type(), rows))
+            }
+            DataType::Boolean => self.next_holds(Some(rows.div_euclid(8) + i64::from(rows % 8 != 0))),
+            DataType::FixedSizeBinary(size) => self.next_holds(rows.checked_mul(i64::from(*size))),
+            of => self.next_holds(of.primitive_width().and_then(|width| rows.checked_mul(width as i64))),
+        }
+    }
+
+    fn next_holds(&mut self, bytes: Option<i64>) -> bool {
+        self.buffers.next().zip(bytes).is_some_and(|(buffer, bytes)| buffer.length() >= bytes)
+    }
 }

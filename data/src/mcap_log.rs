@@ -8,12 +8,12 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::Path;
-use std::sync::Arc;
 
 use foxglove::Encode;
 use foxglove::messages::{RawImage, Timestamp};
-use mcap::records::MessageHeader;
-use mcap::{MessageStream, WriteOptions};
+use mcap::WriteOptions;
+use mcap::records::{MessageHeader, Record, op};
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use prost::Message;
 
 use crate::mcap_log::messages::{Distractor, Step, file_descriptor_set};
@@ -142,14 +142,8 @@ fn slice<T: Clone>(values: &[T], row: usize, len: usize) -> Vec<T> {
 pub fn read_mcap(path: &Path, spec: &Spec) -> Result<Episode> {
     let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
     let broken = |fact: String| Error::malformed(path, fact, "a whole MCAP log of an episode");
-    if let Some(fault) = oversized_chunk(&bytes) {
-        return Err(broken(fault));
-    }
     let mut episode = Episode::default();
-    for message in MessageStream::new(&bytes).map_err(|error| broken(error.to_string()))? {
-        let message = message.map_err(|error| broken(error.to_string()))?;
-        append(&mut episode, &message.channel, &message.data).map_err(broken)?;
-    }
+    each_message(&bytes, &mut |topic, data| append(&mut episode, topic, data)).map_err(broken)?;
     if episode.cameras.is_empty() {
         return Err(broken("no steps".into()));
     }
@@ -157,32 +151,48 @@ pub fn read_mcap(path: &Path, spec: &Spec) -> Result<Episode> {
     Ok(episode)
 }
 
-/// No chunk of ours comes near this; a damaged size must not become an allocation.
-const LARGEST_CHUNK: u64 = 1 << 28;
+/// No record of ours comes near this; a damaged length must not become an allocation.
+const LARGEST_RECORD: usize = 1 << 26;
 
-/// Walks the records (one byte of opcode, eight of length) and looks at the uncompressed size in each chunk's header, since
-/// the reader allocates that much before it decompresses.
-fn oversized_chunk(bytes: &[u8]) -> Option<String> {
-    const MAGIC: usize = 8;
-    const CHUNK: u8 = 0x06;
-    let number = |at: usize| Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?));
-    let mut at = MAGIC;
-    while let (Some(&opcode), Some(length)) = (bytes.get(at), number(at + 1)) {
-        let body = at + 9;
-        let Some(end) = usize::try_from(length).ok().and_then(|length| body.checked_add(length)) else {
-            return Some(format!("a record of {length} bytes"));
-        };
-        match number(body + 16) {
-            Some(size) if opcode == CHUNK && size > LARGEST_CHUNK => return Some(format!("a chunk of {size} bytes")),
-            _ => at = end,
+/// Calls `each` with the topic and the body of every message, in the order of the file. Lengths and checksums are checked
+/// before anything is allocated or passed on.
+fn each_message(
+    bytes: &[u8],
+    each: &mut dyn FnMut(&str, &[u8]) -> std::result::Result<(), String>,
+) -> std::result::Result<(), String> {
+    let text = |error: mcap::McapError| error.to_string();
+    let options =
+        LinearReaderOptions::default().with_prevalidate_chunk_crcs(true).with_record_length_limit(LARGEST_RECORD);
+    let mut reader = LinearReader::new_with_options(options);
+    let mut topics: BTreeMap<u16, String> = BTreeMap::new();
+    let mut rest = bytes;
+    while let Some(event) = reader.next_event() {
+        match event.map_err(text)? {
+            LinearReadEvent::ReadRequest(wanted) => {
+                let (now, later) = rest.split_at(wanted.min(rest.len()));
+                reader.insert(now.len()).copy_from_slice(now);
+                reader.notify_read(now.len());
+                rest = later;
+            }
+            LinearReadEvent::Record { data, opcode } if [op::CHANNEL, op::MESSAGE].contains(&opcode) => {
+                match mcap::parse_record(opcode, data).map_err(text)? {
+                    Record::Channel(channel) => drop(topics.insert(channel.id, channel.topic)),
+                    Record::Message { header, data } => {
+                        let topic = topics.get(&header.channel_id).ok_or("a message of an unknown channel")?;
+                        each(topic, &data)?;
+                    }
+                    _ => {}
+                }
+            }
+            LinearReadEvent::Record { .. } => {}
         }
     }
-    None
+    Ok(())
 }
 
-fn append(episode: &mut Episode, channel: &Arc<mcap::Channel<'_>>, data: &[u8]) -> std::result::Result<(), String> {
+fn append(episode: &mut Episode, topic: &str, data: &[u8]) -> std::result::Result<(), String> {
     let text = |error: prost::DecodeError| error.to_string();
-    match channel.topic.as_str() {
+    match topic {
         PIXELS => episode.pixels.extend_from_slice(&RawImage::decode(data).map_err(text)?.data),
         STEP => append_step(episode, Step::decode(data).map_err(text)?),
         DISTRACTOR => {
