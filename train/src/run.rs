@@ -48,6 +48,17 @@ pub struct RunInfo {
     pub versions: BTreeMap<String, String>,
 }
 
+impl RunInfo {
+    /// The recordings' folder names.
+    fn recording_names(&self) -> Vec<String> {
+        let name = |path: &PathBuf| {
+            let path = std::path::absolute(path).unwrap_or_else(|_| path.clone());
+            path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+        };
+        self.recordings.iter().map(name).collect()
+    }
+}
+
 /// What `state.json` holds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
@@ -95,6 +106,11 @@ impl Run {
         }
         if found.info.model != info.model {
             return Err(other("model", describe(&found.info.model), describe(&info.model)));
+        }
+        // A recording may have moved, or grown, since; another name is another recording.
+        let (before, asked) = (found.info.recording_names(), info.recording_names());
+        if before != asked {
+            return Err(other("recordings", before.join(", "), asked.join(", ")));
         }
         let run = Self { path: path.to_owned(), info };
         run.write_info()?;

@@ -125,6 +125,9 @@ fn a_run_of_other_options_is_refused_and_a_finished_one_has_nothing_to_do() {
     assert_eq!(train(&path, &recordings, &options("updates = 2")).unwrap(), End::Nothing);
     let error = train(&path, &recordings, &options("updates = 2\nlr = 0.5")).unwrap_err();
     assert!(matches!(&error, TrainError::OtherRun { key, .. } if key == "lr"), "{error}");
+    let others = [synthetic::recording(&folder.path().join("other"), synthetic::SIDE, 2, 20, false)];
+    let error = train(&path, &others, &options("updates = 4")).unwrap_err();
+    assert!(matches!(&error, TrainError::OtherRun { key, .. } if key == "recordings"), "{error}");
 }
 
 #[test]

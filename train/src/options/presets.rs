@@ -32,7 +32,7 @@ pub fn small() -> Options {
         latent_std: 0.1,
         prediction_floor: 0.1,
         reward_floor: 0.1,
-        updates: 20_000,
+        updates: 50_000,
         minutes: 0.0,
         checkpoint_every: 500,
         log_every: 20,
