@@ -3,7 +3,7 @@
 //! In: a [`Table`], a [`Metric`], the query rows, and which rows may not be neighbours (by default those of the
 //! query's own trajectory). Out: for each query its `k` nearest rows, nearest first, ties by row.
 //!
-//! A sieve in single precision (blocks of matrix products, [`search`]) leaves the few rows that could be among the
+//! A sieve in single precision (blocks of matrix products, `search`) leaves the few rows that could be among the
 //! `k` nearest once its rounding error is allowed for; their distances are then computed in double precision from the
 //! table's own values. So the answer is exact, and does not depend on the machine or the number of threads.
 

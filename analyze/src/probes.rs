@@ -1,7 +1,7 @@
 //! What can be read from the latent? Probes from latents to known quantities, judged on trajectories they have not seen.
 //!
 //! In: a table and quantities with one value per row: task quantities, distractor parameters, the video shown. Out: for each and each
-//! probe ([`ridge`], [`knn`]) a score with a 95% interval: R² of numbers, accuracy of classes. A good latent scores
+//! probe (`ridge`, `knn`) a score with a 95% interval: R² of numbers, accuracy of classes. A good latent scores
 //! high on the task and at chance on the distractors.
 //!
 //! Trajectories are cut into five folds; every row is predicted by a probe fitted to the other folds. Beside each score stands the same probe's

@@ -1,7 +1,7 @@
 //! t-SNE beside UMAP: the other map readers expect (van der Maaten and Hinton, 2008; Barnes-Hut, 2014).
 //!
-//! In: a neighbour graph and a random generator. Out: `[rows, 2]` positions. Attraction along the graph's edges ([`affinities`]), repulsion from everyone
-//! else, far points taken together ([`quadtree`]). Every point's forces are gathered on their own, so all cores are used and
+//! In: a neighbour graph and a random generator. Out: `[rows, 2]` positions. Attraction along the graph's edges (`affinities`), repulsion from everyone
+//! else, far points taken together (`quadtree`). Every point's forces are gathered on their own, so all cores are used and
 //! the result depends on the data and the generator only.
 
 mod affinities;

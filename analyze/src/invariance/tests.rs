@@ -46,7 +46,7 @@ fn generator(seed: u64) -> ChaCha8Rng {
 /// Effects of known size: the state moves the first dimension by ±2, the distractor the second by ±1, their product the third by ±0.5.
 #[test]
 fn the_split_of_known_effects_is_the_known_split() {
-    let sign = |x: u32| if x % 2 == 0 { -1.0 } else { 1.0 };
+    let sign = |x: u32| if x.is_multiple_of(2) { -1.0 } else { 1.0 };
     let rows =
         Rows::new(4, 6, 3, |i, j, t| vec![2.0 * sign(i) + 100.0, sign(j) - 7.0 * t as f32, 0.5 * sign(i) * sign(j)]);
     let grid = Grid::new(rows.table()).unwrap();

@@ -26,7 +26,7 @@ impl Affinities {
                 both[other as usize].push((row as u32, (p * half) as f32));
             }
         }
-        both.par_iter_mut().for_each(|edges| merge(edges));
+        both.par_iter_mut().for_each(merge);
         let mut offsets = vec![0];
         offsets.extend(both.iter().scan(0, |end, edges| {
             *end += edges.len();

@@ -88,10 +88,9 @@ fn parts_that_are_not_connected_stay_apart() {
         };
         let distance = |a: Position, b: Position| (a[0] - b[0]).hypot(a[1] - b[1]);
         let centres = [centre(0..300), centre(300..340), centre(340..345)];
-        for row in 300..345 {
+        for (row, &at) in map.iter().enumerate().skip(300) {
             let own = if row < 340 { 1 } else { 2 };
-            let nearest =
-                (0..3).min_by(|&a, &b| distance(map[row], centres[a]).total_cmp(&distance(map[row], centres[b])));
+            let nearest = (0..3).min_by(|&a, &b| distance(at, centres[a]).total_cmp(&distance(at, centres[b])));
             assert_eq!(nearest, Some(own), "row {row}");
         }
     });
@@ -209,7 +208,7 @@ fn bench() {
     for rows in [10_000, 25_000] {
         with_space(&arcs(rows, 32), 32, |space| {
             let start = std::time::Instant::now();
-            let neighbours = super::neighbour_graph(space, UmapOptions::default()).unwrap();
+            let neighbours = neighbour_graph(space, UmapOptions::default()).unwrap();
             let t1 = start.elapsed();
             let graph = super::FuzzyGraph::new(&neighbours);
             let t2 = start.elapsed();
