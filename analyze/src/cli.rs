@@ -106,7 +106,9 @@ impl From<anyhow::Error> for Stop {
     fn from(error: anyhow::Error) -> Self {
         use crate::Error::{NoSuchRow, Option, UnknownName};
         let arguments = error.chain().any(|e| {
-            e.is::<WrongArguments>() || e.downcast_ref::<crate::Error>().is_some_and(|e| matches!(e, NoSuchRow { .. } | Option { .. } | UnknownName { .. }))
+            e.is::<WrongArguments>()
+                || e.downcast_ref::<crate::Error>()
+                    .is_some_and(|e| matches!(e, NoSuchRow { .. } | Option { .. } | UnknownName { .. }))
         });
         if arguments { Self::Wrong(error) } else { Self::Failed(error) }
     }

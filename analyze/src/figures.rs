@@ -75,7 +75,8 @@ impl Figure {
             height: picture.height / 72.0,
             path: png_path.clone(),
         })?;
-        let bytes = png::encode_rgb(&pixels).map_err(|source| FigureError::Encode { source, path: png_path.clone() })?;
+        let bytes =
+            png::encode_rgb(&pixels).map_err(|source| FigureError::Encode { source, path: png_path.clone() })?;
         vibes_data::write_atomically(&png_path, &bytes)?;
         vibes_data::write_atomically(&svg_path, svg::render(&picture).as_bytes())?;
         Ok(vec![png_path, svg_path])
@@ -86,7 +87,9 @@ impl Figure {
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {
     /// The figure would have no pixels or too many.
-    #[error("a figure of {width:.1} by {height:.1} inches has no pixels or too many; ask for fewer panels or queries: {path}")]
+    #[error(
+        "a figure of {width:.1} by {height:.1} inches has no pixels or too many; ask for fewer panels or queries: {path}"
+    )]
     Size {
         /// Width in inches.
         width: f64,

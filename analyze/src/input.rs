@@ -27,7 +27,9 @@ pub enum InputError {
         path: PathBuf,
     },
     /// There are no latents to be found.
-    #[error("no latents found (looked for runs/**/latents*.arrow); name a table with --latents, or write one with `vibes-train encode RUN RECORDING`: {path}")]
+    #[error(
+        "no latents found (looked for runs/**/latents*.arrow); name a table with --latents, or write one with `vibes-train encode RUN RECORDING`: {path}"
+    )]
     NoLatents {
         /// The folder that was searched.
         path: PathBuf,
@@ -41,7 +43,9 @@ pub enum InputError {
         path: PathBuf,
     },
     /// Columns are missing.
-    #[error("column {missing} is missing (found: {found}); needed are episode, step (integers) and latent (a list of floats a row): {path}")]
+    #[error(
+        "column {missing} is missing (found: {found}); needed are episode, step (integers) and latent (a list of floats a row): {path}"
+    )]
     MissingColumn {
         /// The missing column.
         missing: String,
@@ -63,7 +67,9 @@ pub enum InputError {
         path: PathBuf,
     },
     /// The latents name a recording that is not there.
-    #[error("the recording {named} that these latents were encoded from is not there; name it with --recording, or go on without pictures with --no-frames: {path}")]
+    #[error(
+        "the recording {named} that these latents were encoded from is not there; name it with --recording, or go on without pictures with --no-frames: {path}"
+    )]
     NoRecording {
         /// What the latents' metadata says.
         named: String,

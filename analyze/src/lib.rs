@@ -21,6 +21,7 @@ pub mod probes;
 pub mod quality;
 pub mod report;
 pub mod scene;
+pub mod state_error;
 pub mod symmetry;
 pub mod tsne;
 pub mod umap;

@@ -211,7 +211,11 @@ impl Picture {
 
     /// Adds the outline of a rectangle.
     pub fn frame(&mut self, r: Rect, width: f64, color: Color) {
-        self.line(&[(r.x, r.y), (r.right(), r.y), (r.right(), r.bottom()), (r.x, r.bottom()), (r.x, r.y)], width, color);
+        self.line(
+            &[(r.x, r.y), (r.right(), r.y), (r.right(), r.bottom()), (r.x, r.bottom()), (r.x, r.y)],
+            width,
+            color,
+        );
     }
 
     /// Adds a filled polygon.

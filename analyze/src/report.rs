@@ -63,7 +63,12 @@ pub fn page(title: &str, note: Option<&str>, chapters: &[Chapter]) -> String {
     contents(&mut body, chapters);
     let mut maps = 0;
     for (c, chapter) in chapters.iter().enumerate() {
-        let _ = writeln!(body, "<h2 id=\"c{c}\">{}</h2>\n<p class=\"origin\">{}</p>", escape(&chapter.title), escape(&chapter.origin));
+        let _ = writeln!(
+            body,
+            "<h2 id=\"c{c}\">{}</h2>\n<p class=\"origin\">{}</p>",
+            escape(&chapter.title),
+            escape(&chapter.origin)
+        );
         for (s, section) in chapter.sections.iter().enumerate() {
             let _ = writeln!(body, "<section id=\"c{c}s{s}\">");
             section.write(&mut body, &mut maps);
@@ -80,16 +85,27 @@ pub fn page(title: &str, note: Option<&str>, chapters: &[Chapter]) -> String {
 fn contents(body: &mut String, chapters: &[Chapter]) {
     body.push_str("<nav><ul>\n");
     for (c, chapter) in chapters.iter().enumerate() {
-        let links: Vec<String> =
-            chapter.sections.iter().enumerate().map(|(s, section)| format!("<a href=\"#c{c}s{s}\">{}</a>", escape(&section.title))).collect();
-        let _ = writeln!(body, "<li><a href=\"#c{c}\"><b>{}</b></a>: {}</li>", escape(&chapter.title), links.join(" · "));
+        let links: Vec<String> = chapter
+            .sections
+            .iter()
+            .enumerate()
+            .map(|(s, section)| format!("<a href=\"#c{c}s{s}\">{}</a>", escape(&section.title)))
+            .collect();
+        let _ =
+            writeln!(body, "<li><a href=\"#c{c}\"><b>{}</b></a>: {}</li>", escape(&chapter.title), links.join(" · "));
     }
     body.push_str("</ul></nav>\n");
 }
 
 impl Section {
     fn write(&self, body: &mut String, maps: &mut usize) {
-        let _ = writeln!(body, "<h3>{}</h3>\n<p class=\"reading\">{}</p>\n<p class=\"result\">{}</p>", escape(&self.title), escape(&self.reading), escape(&self.result));
+        let _ = writeln!(
+            body,
+            "<h3>{}</h3>\n<p class=\"reading\">{}</p>\n<p class=\"result\">{}</p>",
+            escape(&self.title),
+            escape(&self.reading),
+            escape(&self.result)
+        );
         for remark in &self.remarks {
             let _ = writeln!(body, "<p class=\"remark\">{}</p>", escape(remark));
         }
@@ -99,7 +115,12 @@ impl Section {
         }
         body.push_str("<div class=\"figures\">\n");
         for figure in &self.figures {
-            let _ = writeln!(body, "<img alt=\"{}\" src=\"data:image/svg+xml;base64,{}\">", escape(&figure.alt), STANDARD.encode(&figure.svg));
+            let _ = writeln!(
+                body,
+                "<img alt=\"{}\" src=\"data:image/svg+xml;base64,{}\">",
+                escape(&figure.alt),
+                STANDARD.encode(&figure.svg)
+            );
         }
         body.push_str("</div>\n");
         if let Some(numbers) = &self.numbers {

@@ -8,7 +8,10 @@ mod layout;
 
 use std::path::Path;
 
-use rerun::{BarChart, EncodedImage, LineStrips2D, Points2D, RecordingStream, RecordingStreamBuilder, Scalars, SeriesLines, TextDocument, TimeColumn};
+use rerun::{
+    BarChart, EncodedImage, LineStrips2D, Points2D, RecordingStream, RecordingStreamBuilder, Scalars, SeriesLines,
+    TextDocument, TimeColumn,
+};
 use vibes_data::Latents;
 
 use crate::input::Frames;
@@ -68,7 +71,9 @@ impl Scene<'_> {
         self.log(&stream)?;
         let flushed = stream.flush_blocking().map_err(|e| std::io::Error::other(e.to_string()));
         drop(stream);
-        flushed.and_then(|()| std::fs::rename(&partial, path)).map_err(|source| SceneError::Io { source, path: path.into() })
+        flushed
+            .and_then(|()| std::fs::rename(&partial, path))
+            .map_err(|source| SceneError::Io { source, path: path.into() })
     }
 
     fn name(&self) -> String {
@@ -100,12 +105,16 @@ impl Scene<'_> {
 
     fn log_map(&self, stream: &RecordingStream) -> Result<(), SceneError> {
         let all: Vec<[f32; 2]> = (0..self.positions.len()).map(|row| self.at(row)).collect();
-        let context = Points2D::new(all).with_colors([rgba(Color::new(150, 150, 150))]).with_radii([rerun::Radius::new_ui_points(1.2)]);
+        let context = Points2D::new(all)
+            .with_colors([rgba(Color::new(150, 150, 150))])
+            .with_radii([rerun::Radius::new_ui_points(1.2)]);
         stream.log_static("map/all", &context)?;
         let here: Vec<[f32; 2]> = self.rows.iter().map(|&row| self.at(row)).collect();
         let point = Points2D::update_fields().with_positions(here);
         stream.send_columns("map/here", [self.time()], point.columns_of_unit_batches()?)?;
-        let style = |color, radius| Points2D::update_fields().with_colors([rgba(color)]).with_radii([rerun::Radius::new_ui_points(radius)]);
+        let style = |color, radius| {
+            Points2D::update_fields().with_colors([rgba(color)]).with_radii([rerun::Radius::new_ui_points(radius)])
+        };
         stream.log_static("map/here", &style(color::kind(4), 6.0))?;
         let k = self.neighbours.k();
         let near = (0..self.rows.len()).flat_map(|i| self.neighbours.rows(i)).map(|&row| self.at(row as usize));
@@ -120,12 +129,17 @@ impl Scene<'_> {
         let episode = |i: usize| self.latents.episode[self.rows[i]];
         let starts: Vec<usize> = (0..self.rows.len()).filter(|&i| i == 0 || episode(i) != episode(i - 1)).collect();
         let path = |start: usize| -> Vec<[f32; 2]> {
-            (start..self.rows.len()).take_while(|&i| episode(i) == episode(start)).map(|i| self.at(self.rows[i])).collect()
+            (start..self.rows.len())
+                .take_while(|&i| episode(i) == episode(start))
+                .map(|i| self.at(self.rows[i]))
+                .collect()
         };
         let strips = LineStrips2D::update_fields().with_strips(starts.iter().map(|&s| path(s)));
         let time = TimeColumn::new_sequence(TIMELINE, starts.iter().map(|&s| s as i64));
         stream.send_columns("map/episode", [time], strips.columns_of_unit_batches()?)?;
-        let style = LineStrips2D::update_fields().with_colors([rgba(color::kind(1))]).with_radii([rerun::Radius::new_ui_points(0.8)]);
+        let style = LineStrips2D::update_fields()
+            .with_colors([rgba(color::kind(1))])
+            .with_radii([rerun::Radius::new_ui_points(0.8)]);
         Ok(stream.log_static("map/episode", &style)?)
     }
 
@@ -133,13 +147,18 @@ impl Scene<'_> {
         let values = self.rows.iter().map(|&row| rerun::TensorData::from(self.latents.row(row)));
         let bars = BarChart::update_fields().with_many_values(values);
         stream.send_columns("latent", [self.time()], bars.columns_of_unit_batches()?)?;
-        let known: Vec<(usize, f64)> =
-            self.rows.iter().enumerate().filter_map(|(i, &row)| Some((i, f64::from(self.latents.reward[row]?)))).collect();
+        let known: Vec<(usize, f64)> = self
+            .rows
+            .iter()
+            .enumerate()
+            .filter_map(|(i, &row)| Some((i, f64::from(self.latents.reward[row]?))))
+            .collect();
         if !known.is_empty() {
             let time = TimeColumn::new_sequence(TIMELINE, known.iter().map(|&(i, _)| i as i64));
             let rewards = Scalars::update_fields().with_scalars(known.iter().map(|&(_, r)| r));
             stream.send_columns("reward", [time], rewards.columns_of_unit_batches()?)?;
-            stream.log_static("reward", &SeriesLines::new().with_names(["reward"]).with_colors([rgba(color::kind(2))]))?;
+            stream
+                .log_static("reward", &SeriesLines::new().with_names(["reward"]).with_colors([rgba(color::kind(2))]))?;
         }
         Ok(())
     }
@@ -155,7 +174,12 @@ impl Scene<'_> {
             let near = self.neighbours.rows(i).iter().zip(self.neighbours.distances(i));
             let near: String = near.map(|(&n, d)| format!("\n- {} at {d:.3}", key(n as usize))).collect();
             let note = self.note.map_or_else(String::new, |n| format!("**{n}**\n\n"));
-            format!("{note}**episode {}, step {}**{}\n\nnearest neighbours (episode:step at distance):\n{near}", l.episode[row], l.step[row], cell(row))
+            format!(
+                "{note}**episode {}, step {}**{}\n\nnearest neighbours (episode:step at distance):\n{near}",
+                l.episode[row],
+                l.step[row],
+                cell(row)
+            )
         };
         let texts: Vec<String> = self.rows.iter().enumerate().map(text).collect();
         let types = vec![rerun::MediaType::markdown(); texts.len()];
@@ -164,41 +188,69 @@ impl Scene<'_> {
     }
 
     fn log_pictures(&self, stream: &RecordingStream, frames: &Frames) -> Result<(), SceneError> {
-        let encode = |row: usize| encode_jpeg(&*frames.picture(self.latents.episode[row], self.latents.step[row])?, JPEG_QUALITY).ok();
+        let encode = |row: usize| {
+            encode_jpeg(&*frames.picture(self.latents.episode[row], self.latents.step[row])?, JPEG_QUALITY).ok()
+        };
         let send = |entity: String, rows: Vec<usize>| -> Result<(), SceneError> {
-            let known: Vec<(i64, Vec<u8>)> = rows.iter().enumerate().filter_map(|(i, &row)| Some((i as i64, encode(row)?))).collect();
+            let known: Vec<(i64, Vec<u8>)> =
+                rows.iter().enumerate().filter_map(|(i, &row)| Some((i as i64, encode(row)?))).collect();
             if known.is_empty() {
                 return Ok(());
             }
             let (times, blobs): (Vec<i64>, Vec<Vec<u8>>) = known.into_iter().unzip();
             let types = vec![rerun::MediaType::jpeg(); blobs.len()];
             let images = EncodedImage::update_fields().with_many_blob(blobs).with_many_media_type(types);
-            Ok(stream.send_columns(entity, [TimeColumn::new_sequence(TIMELINE, times)], images.columns_of_unit_batches()?)?)
+            Ok(stream.send_columns(
+                entity,
+                [TimeColumn::new_sequence(TIMELINE, times)],
+                images.columns_of_unit_batches()?,
+            )?)
         };
         send("frame".into(), self.rows.to_vec())?;
         for rank in 0..self.neighbours.k() {
-            send(format!("neighbours/{}", rank + 1), (0..self.rows.len()).map(|i| self.neighbours.rows(i)[rank] as usize).collect())?;
+            send(
+                format!("neighbours/{}", rank + 1),
+                (0..self.rows.len()).map(|i| self.neighbours.rows(i)[rank] as usize).collect(),
+            )?;
         }
         Ok(())
     }
 
     fn log_distractors(&self, stream: &RecordingStream, frames: &Frames) -> Result<(), SceneError> {
-        let views = || self.rows.iter().filter_map(|&row| Some((frames.view(self.latents.episode[row])?, self.latents.step[row] as usize)));
+        let views = || {
+            self.rows
+                .iter()
+                .filter_map(|&row| Some((frames.view(self.latents.episode[row])?, self.latents.step[row] as usize)))
+        };
         let cameras = views().map(|(view, step)| view.camera(step)).flat_map(|c| [c.r, c.h, c.v, c.roll]);
-        self.send_lines(stream, "distractors/camera", &["distance r (m)", "azimuth h (rad)", "inclination v (rad)", "roll (rad)"], cameras.collect())?;
+        self.send_lines(
+            stream,
+            "distractors/camera",
+            &["distance r (m)", "azimuth h (rad)", "inclination v (rad)", "roll (rad)"],
+            cameras.collect(),
+        )?;
         let background = |of: fn(vibes_data::BackgroundFrame) -> u32| -> Vec<f64> {
             views().map(|(view, step)| view.background(step).map_or(f64::NAN, |b| f64::from(of(b)))).collect()
         };
         self.send_lines(stream, "distractors/background/video", &["video"], background(|b| b.video))?;
         self.send_lines(stream, "distractors/background/frame", &["frame"], background(|b| b.frame))?;
         let materials = &frames.recording().manifest().spec.materials;
-        let names: Vec<String> = materials.iter().flat_map(|m| ["red", "green", "blue"].map(|c| format!("{m} {c}"))).collect();
-        let colors: Vec<f64> = views().flat_map(|(view, step)| view.colors(step).iter().map(|&v| f64::from(v)).collect::<Vec<_>>()).collect();
+        let names: Vec<String> =
+            materials.iter().flat_map(|m| ["red", "green", "blue"].map(|c| format!("{m} {c}"))).collect();
+        let colors: Vec<f64> = views()
+            .flat_map(|(view, step)| view.colors(step).iter().map(|&v| f64::from(v)).collect::<Vec<_>>())
+            .collect();
         self.send_lines(stream, "distractors/colors", &names.iter().map(String::as_str).collect::<Vec<_>>(), colors)
     }
 
     /// Lines that share a plot: `values` `[rows, names]`.
-    fn send_lines(&self, stream: &RecordingStream, entity: &str, names: &[&str], values: Vec<f64>) -> Result<(), SceneError> {
+    fn send_lines(
+        &self,
+        stream: &RecordingStream,
+        entity: &str,
+        names: &[&str],
+        values: Vec<f64>,
+    ) -> Result<(), SceneError> {
         if names.is_empty() || values.len() != names.len() * self.rows.len() || values.iter().all(|v| v.is_nan()) {
             return Ok(());
         }

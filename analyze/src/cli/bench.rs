@@ -31,7 +31,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let size = |rows: usize| if options.quick { rows / 10 } else { rows };
     let mut rows = Vec::new();
     let queries = size(125_000);
-    rows.push(timed(globals, format!("20 queries, 5 neighbours, {queries} x {DIMS}"), 0.1, || neighbours(options.seed, queries))?);
+    rows.push(timed(globals, format!("20 queries, 5 neighbours, {queries} x {DIMS}"), 0.1, || {
+        neighbours(options.seed, queries)
+    })?);
     for (count, target) in [(10_000, None), (25_000, Some(10.0))] {
         let count = size(count);
         let data = Data::draw(options.seed, count);
@@ -69,7 +71,11 @@ impl Data {
                 values.push(if row % EPISODE == 0 { fresh } else { 0.98 * last + 0.2 * fresh });
             }
         }
-        Self { values, episode: (0..rows).map(|r| (r / EPISODE) as u32).collect(), step: (0..rows).map(|r| (r % EPISODE) as u32).collect() }
+        Self {
+            values,
+            episode: (0..rows).map(|r| (r / EPISODE) as u32).collect(),
+            step: (0..rows).map(|r| (r % EPISODE) as u32).collect(),
+        }
     }
 
     fn table(&self) -> Result<Table<'_>, crate::Error> {
@@ -87,7 +93,12 @@ fn neighbours(seed: u64, rows: usize) -> anyhow::Result<f64> {
     Ok(began.elapsed().as_secs_f64())
 }
 
-fn timed(globals: &Globals, what: String, target: f64, work: impl FnOnce() -> anyhow::Result<f64>) -> anyhow::Result<Value> {
+fn timed(
+    globals: &Globals,
+    what: String,
+    target: f64,
+    work: impl FnOnce() -> anyhow::Result<f64>,
+) -> anyhow::Result<Value> {
     Ok(report(globals, what, work()?, Some(target)))
 }
 

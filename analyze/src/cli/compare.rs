@@ -56,9 +56,16 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let agreement: Vec<f64> = rows.iter().map(|r| agreement(&rows[0], r)).collect();
     let mut session = sessions.remove(0);
     session.save(&Figure::Bars(draw(&session, &rows, &agreement)), "compare")?;
-    let tables: Vec<Value> = rows.iter().zip(&agreement).map(|(r, a)| json!({ "name": r.name, "numbers": r.json, "neighbours_shared_with_first": a })).collect();
+    let tables: Vec<Value> = rows
+        .iter()
+        .zip(&agreement)
+        .map(|(r, a)| json!({ "name": r.name, "numbers": r.json, "neighbours_shared_with_first": a }))
+        .collect();
     session.write_json("compare", &json!({ "tables": tables }))?;
-    let parts: Vec<String> = rows.iter().map(|r| format!("{} {}", r.name, r.state.as_ref().map_or_else(|| "no grid".into(), text))).collect();
+    let parts: Vec<String> = rows
+        .iter()
+        .map(|r| format!("{} {}", r.name, r.state.as_ref().map_or_else(|| "no grid".into(), text)))
+        .collect();
     Ok(session.finish(format!("compare: share of variance the state explains: {}", parts.join(", "))))
 }
 
@@ -86,7 +93,11 @@ fn names(sessions: &[Session], one: &Session) -> String {
         whole.parent().and_then(Path::file_name).map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
     };
     let stem = one.path.file_stem().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    if sessions.iter().filter(|s| folder(s) == folder(one)).count() > 1 { format!("{}/{stem}", folder(one)) } else { folder(one) }
+    if sessions.iter().filter(|s| folder(s) == folder(one)).count() > 1 {
+        format!("{}/{stem}", folder(one))
+    } else {
+        folder(one)
+    }
 }
 
 fn measure(session: &Session, name: &str) -> anyhow::Result<Row> {
@@ -109,14 +120,17 @@ fn measure(session: &Session, name: &str) -> anyhow::Result<Row> {
 
 /// Share of the first table's neighbours that the other has too.
 fn agreement(first: &Row, other: &Row) -> f64 {
-    let shared: usize = first.near.iter().zip(&other.near).map(|(a, b)| a.iter().filter(|row| b.contains(row)).count()).sum();
+    let shared: usize =
+        first.near.iter().zip(&other.near).map(|(a, b)| a.iter().filter(|row| b.contains(row)).count()).sum();
     shared as f64 / (first.near.len() * K) as f64
 }
 
 fn draw(session: &Session, rows: &[Row], agreement: &[f64]) -> Bars {
     let whole = Some((0.0, 1.0));
     let group = |axis: &str, of: &dyn Fn(&Row) -> Option<(Interval, Option<f64>)>| {
-        let bar = |r: &Row| of(r).map(|(i, chance)| Bar { label: r.name.clone(), value: i.estimate, interval: ends(&i), chance });
+        let bar = |r: &Row| {
+            of(r).map(|(i, chance)| Bar { label: r.name.clone(), value: i.estimate, interval: ends(&i), chance })
+        };
         BarGroup { axis: axis.into(), range: whole, bars: rows.iter().filter_map(bar).collect() }
     };
     let mut groups = vec![
@@ -126,6 +140,10 @@ fn draw(session: &Session, rows: &[Row], agreement: &[f64]) -> Bars {
     ];
     groups.retain(|g| !g.bars.is_empty());
     let bar = |(r, &value): (&Row, &f64)| Bar { label: r.name.clone(), value, interval: None, chance: None };
-    groups.push(BarGroup { axis: format!("share of {K} neighbours in common with {}", rows[0].name), range: whole, bars: rows.iter().zip(agreement).map(bar).collect() });
+    groups.push(BarGroup {
+        axis: format!("share of {K} neighbours in common with {}", rows[0].name),
+        range: whole,
+        bars: rows.iter().zip(agreement).map(bar).collect(),
+    });
     Bars { heading: session.heading("Latents of one recording side by side"), groups }
 }

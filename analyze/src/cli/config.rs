@@ -11,9 +11,13 @@ use super::wrong;
 /// The arguments with those of the configuration file inserted after the verb.
 pub(super) fn expand(args: Vec<OsString>) -> anyhow::Result<Vec<OsString>> {
     let Some(file) = named(&args) else { return Ok(args) };
-    let text = std::fs::read_to_string(&file).with_context(|| format!("cannot read the configuration {}", Path::new(&file).display()))?;
+    let text = std::fs::read_to_string(&file)
+        .with_context(|| format!("cannot read the configuration {}", Path::new(&file).display()))?;
     let table: toml::Table = text.parse().map_err(|e| wrong(format!("{}: {e}", Path::new(&file).display())))?;
-    let Some(at) = args.iter().skip(1).position(|a| !a.to_string_lossy().starts_with('-') && *a != file).map(|i| i + 1) else { return Ok(args) };
+    let Some(at) = args.iter().skip(1).position(|a| !a.to_string_lossy().starts_with('-') && *a != file).map(|i| i + 1)
+    else {
+        return Ok(args);
+    };
     let verb = args[at].to_string_lossy().into_owned();
     let mut inserted = Vec::new();
     let of_all = table.iter().filter(|(_, v)| !v.is_table());
@@ -43,7 +47,9 @@ fn option(key: &str, value: &Value) -> anyhow::Result<Vec<String>> {
     let text = |v: &Value| match v {
         Value::String(s) => Ok(s.clone()),
         Value::Integer(_) | Value::Float(_) => Ok(v.to_string()),
-        _ => Err(wrong(format!("configuration key {key}: a text, a number, true, false or a list of texts and numbers is expected"))),
+        _ => Err(wrong(format!(
+            "configuration key {key}: a text, a number, true, false or a list of texts and numbers is expected"
+        ))),
     };
     Ok(match value {
         Value::Boolean(true) => vec![flag],
@@ -65,7 +71,11 @@ mod tests {
     fn keys_become_options_and_typed_ones_win() {
         let dir = tempfile::tempdir().expect("folder");
         let file = dir.path().join("a.toml");
-        std::fs::write(&file, "seed = 3\nquiet = true\nnote = 'two words'\n[nn]\nk = 7\nrows = ['0:1', '2:3']\n[umap]\nneighbours = 9\n").expect("file");
+        std::fs::write(
+            &file,
+            "seed = 3\nquiet = true\nnote = 'two words'\n[nn]\nk = 7\nrows = ['0:1', '2:3']\n[umap]\nneighbours = 9\n",
+        )
+        .expect("file");
         let got = expand(words(&format!("vibes-analyze --config {} nn --k 5", file.display()))).expect("expanded");
         let got: Vec<String> = got.into_iter().skip(3).map(|a| a.into_string().expect("text")).collect();
         assert_eq!(got[0], "nn");

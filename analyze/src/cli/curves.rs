@@ -70,21 +70,31 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         seen
     });
     say(globals, format_args!("curves: {} runs in {} groups: {}", runs.len(), names.len(), names.join(", ")));
-    let curves = metrics.iter().map(|m| Ok((m, group_curves(&runs, &groups, &names, &m.name)?))).collect::<anyhow::Result<Vec<_>>>()?;
+    let curves = metrics
+        .iter()
+        .map(|m| Ok((m, group_curves(&runs, &groups, &names, &m.name)?)))
+        .collect::<anyhow::Result<Vec<_>>>()?;
     let out = options.output.clone().unwrap_or_else(|| options.runs[0].join("figures"));
     std::fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
     let heading = |title: &str| Heading::new(title).with_note(options.note.clone());
     let title = if names.len() < runs.len() { "Training, mean and 95% interval over runs" } else { "Training" };
     let mut files = Figure::Curves(figure(heading(title), &runs, &names, &curves)).save(&out, "curves")?;
-    let table = table(heading("Where training ended: mean of the last tenth"), &runs, &groups, &metrics);
+    let table = table(heading("Where training ended"), &runs, &groups, &metrics);
     files.extend(Figure::Table(table.clone()).save(&out, "table")?);
     files.push(write_curves(&out, &curves)?);
-    let document = output::document(&json!({ "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "curves", "runs": options.runs, "note": options.note }), &json!({ "groups": names, "table": numbers(&table) }))?;
+    let document = output::document(
+        &json!({ "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "curves", "runs": options.runs, "note": options.note }),
+        &json!({ "groups": names, "table": numbers(&table) }),
+    )?;
     let path = out.join("curves.json");
     output::write_json(&path, &document)?;
     files.push(path);
     let broken: usize = runs.iter().map(|r| r.broken_lines).sum();
-    let remarks = if broken > 0 { vec![format!("{broken} lines of metrics could not be read and were left out")] } else { Vec::new() };
+    let remarks = if broken > 0 {
+        vec![format!("{broken} lines of metrics could not be read and were left out")]
+    } else {
+        Vec::new()
+    };
     let line = format!("curves: {} metrics of {} runs{}", curves.len(), runs.len(), progress(&runs));
     Ok(Outcome { line, remarks, files, json: document })
 }
@@ -137,7 +147,9 @@ fn metrics(options: &Options, runs: &[Run]) -> anyhow::Result<Vec<Metric>> {
 fn groups(by: By, runs: &[Run]) -> Vec<String> {
     let objective = |r: &Run| r.objective().map_or_else(|| r.name.clone(), String::from);
     let distinct: BTreeSet<String> = runs.iter().map(objective).collect();
-    if by == By::Objective || (by == By::Auto && distinct.len() < runs.len() && runs.iter().all(|r| r.objective().is_some())) {
+    if by == By::Objective
+        || (by == By::Auto && distinct.len() < runs.len() && runs.iter().all(|r| r.objective().is_some()))
+    {
         return runs.iter().map(objective).collect();
     }
     let same_name = |r: &Run| runs.iter().filter(|o| o.name == r.name).count() > 1;
@@ -159,7 +171,11 @@ fn group_curves(runs: &[Run], groups: &[String], names: &[String], metric: &str)
         let members: Vec<Series> = members.filter(|s| s.iter().any(|p| p.1.is_finite())).cloned().collect();
         if !members.is_empty() {
             let places = members.iter().map(Vec::len).max().unwrap_or(2).clamp(2, PLACES);
-            curves.push(GroupCurve { group: group.clone(), points: mean_curve(&members, places)?, runs: members.len() });
+            curves.push(GroupCurve {
+                group: group.clone(),
+                points: mean_curve(&members, places)?,
+                runs: members.len(),
+            });
         }
     }
     Ok(curves)
@@ -172,7 +188,10 @@ fn figure(heading: Heading, runs: &[Run], names: &[String], curves: &[(&Metric, 
         mean: c.points.iter().map(|p| p.y.estimate).collect(),
         band: if c.runs > 1 { c.points.iter().map(|p| band(&p.y)).collect() } else { Vec::new() },
     };
-    let facets = curves.iter().map(|(metric, curves)| Facet { metric: metric.title.clone(), curves: curves.iter().map(curve).collect() }).collect();
+    let facets = curves
+        .iter()
+        .map(|(metric, curves)| Facet { metric: metric.title.clone(), curves: curves.iter().map(curve).collect() })
+        .collect();
     let axis = runs.first().map_or("update", |r| r.clock.as_str()).replace('_', " ") + "s";
     Curves { heading, axis, groups: names.to_vec(), facets }
 }
@@ -192,7 +211,11 @@ fn final_value(series: &Series) -> f64 {
 /// Where training ended. With returns: groups x tasks, the form of the paper's Table 1. Without: metrics x groups.
 fn table(heading: Heading, runs: &[Run], groups: &[String], metrics: &[Metric]) -> Table {
     let returns = metrics.iter().find(|m| m.name.contains("return"));
-    let scores = |metric: &Metric, method: &dyn Fn(usize) -> String, task: &dyn Fn(usize) -> String, sign: f64| -> Vec<RunScore> {
+    let scores = |metric: &Metric,
+                  method: &dyn Fn(usize) -> String,
+                  task: &dyn Fn(usize) -> String,
+                  sign: f64|
+     -> Vec<RunScore> {
         let score = |i: usize| {
             let series = runs[i].series.get(&metric.name).filter(|s| !s.is_empty())?;
             Some(RunScore { method: method(i), task: task(i), score: sign * final_value(series) })
@@ -209,29 +232,55 @@ fn table(heading: Heading, runs: &[Run], groups: &[String], metrics: &[Metric]) 
         let of = |i: usize| runs[i].task().unwrap_or("all runs").to_string();
         let made = score_table(&scores(metric, &|i| groups[i].clone(), &of, 1.0));
         let compared = made.methods.len() > 1;
-        let rows = made.methods.iter().zip(&made.entries).map(|(m, row)| (m.clone(), row.iter().map(|e| e.as_ref().map(|e| entry(e, 1.0, compared))).collect()));
-        return Table { heading, corner: metric.title.clone(), columns: made.tasks.clone(), rows: rows.collect(), foot: "bold: best of its column; underlined: its 95% interval overlaps with the best's".into() };
+        let rows = made
+            .methods
+            .iter()
+            .zip(&made.entries)
+            .map(|(m, row)| (m.clone(), row.iter().map(|e| e.as_ref().map(|e| entry(e, 1.0, compared))).collect()));
+        return Table { heading, corner: metric.title.clone(), columns: made.tasks.clone(), rows: rows.collect(), foot: "mean of the last tenth; bold: best of its column, underlined: its 95% interval overlaps with the best's".into() };
     }
     let mut columns: Vec<String> = Vec::new();
-    groups.iter().for_each(|g| if !columns.contains(g) { columns.push(g.clone()) });
+    groups.iter().for_each(|g| {
+        if !columns.contains(g) {
+            columns.push(g.clone())
+        }
+    });
     let row = |metric: &Metric| {
         let sign = if metric.higher_is_better { 1.0 } else { -1.0 };
         let made = score_table(&scores(metric, &|i| groups[i].clone(), &|_| metric.name.clone(), sign));
-        let of = |g: &String| made.methods.iter().position(|m| m == g).and_then(|at| made.entries[at][0].as_ref()).map(|e| entry(e, sign, made.methods.len() > 1));
+        let of = |g: &String| {
+            made.methods
+                .iter()
+                .position(|m| m == g)
+                .and_then(|at| made.entries[at][0].as_ref())
+                .map(|e| entry(e, sign, made.methods.len() > 1))
+        };
         (metric.title.clone(), columns.iter().map(of).collect())
     };
     let rows = metrics.iter().map(row).collect();
-    Table { heading, corner: "metric".into(), columns: columns.clone(), rows, foot: "bold: best of its row; underlined: its 95% interval overlaps with the best's".into() }
+    let foot = if columns.len() > 1 {
+        "mean of the last tenth; bold: best of its row, underlined: its 95% interval overlaps with the best's"
+    } else {
+        "mean of the last tenth"
+    };
+    Table { heading, corner: "metric".into(), columns: columns.clone(), rows, foot: foot.into() }
 }
 
 fn numbers(table: &Table) -> serde_json::Value {
-    let entry = |e: &Option<Entry>| e.map(|e| json!({ "mean": e.mean, "half": e.half, "best": e.best, "tied": e.tied }));
-    table.rows.iter().map(|(metric, entries)| json!({ "metric": metric, "values": entries.iter().map(entry).collect::<Vec<_>>() })).collect()
+    let entry =
+        |e: &Option<Entry>| e.map(|e| json!({ "mean": e.mean, "half": e.half, "best": e.best, "tied": e.tied }));
+    table
+        .rows
+        .iter()
+        .map(|(metric, entries)| json!({ "metric": metric, "values": entries.iter().map(entry).collect::<Vec<_>>() }))
+        .collect()
 }
 
 fn write_curves(out: &std::path::Path, curves: &[(&Metric, Vec<GroupCurve>)]) -> anyhow::Result<PathBuf> {
-    let rows: Vec<(&str, &GroupCurve, &CurvePoint)> =
-        curves.iter().flat_map(|(m, curves)| curves.iter().flat_map(move |c| c.points.iter().map(move |p| (m.name.as_str(), c, p)))).collect();
+    let rows: Vec<(&str, &GroupCurve, &CurvePoint)> = curves
+        .iter()
+        .flat_map(|(m, curves)| curves.iter().flat_map(move |c| c.points.iter().map(move |p| (m.name.as_str(), c, p))))
+        .collect();
     let numbers = |of: fn(&CurvePoint) -> f64| Column::Float64(rows.iter().map(|r| of(r.2)).collect());
     let table = [
         ("metric", Column::Text(rows.iter().map(|r| r.0.to_string()).collect())),

@@ -40,7 +40,8 @@ impl FromStr for Size {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let side = |n: &str| n.trim().parse().ok().filter(|n| (1..=40).contains(n));
-        let parsed = text.split_once(['x', '×']).and_then(|(n, m)| Some(Self { states: side(n)?, distractors: side(m)? }));
+        let parsed =
+            text.split_once(['x', '×']).and_then(|(n, m)| Some(Self { states: side(n)?, distractors: side(m)? }));
         parsed.ok_or_else(|| format!("{text:?} is no size; NxM is expected, each from 1 to 40, as in 4x4"))
     }
 }
@@ -50,12 +51,16 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let mut session = Session::open(&options.input, globals, "grid", given)?;
     let all = cells(&session)?;
     let states = choose("--states", &options.states, all.iter().map(|c| c.0).collect(), options.panels.states)?;
-    let distractors = choose("--distractors", &options.distractors, all.iter().map(|c| c.1).collect(), options.panels.distractors)?;
+    let distractors =
+        choose("--distractors", &options.distractors, all.iter().map(|c| c.1).collect(), options.panels.distractors)?;
     let made = options.map.map(&mut session, globals)?;
     let panels = panels(&session, &states, &distractors);
     let holes = states.len() * distractors.len() - panels.len();
     if holes > 0 {
-        session.remark(format!("{holes} of {} cells were not recorded and are drawn as such", states.len() * distractors.len()));
+        session.remark(format!(
+            "{holes} of {} cells were not recorded and are drawn as such",
+            states.len() * distractors.len()
+        ));
     }
     let line = format!(
         "grid: {} of {} state x {} of {} distractor trajectories on a map with {}",
@@ -65,9 +70,11 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         all.iter().map(|c| c.1).collect::<BTreeSet<_>>().len(),
         made.quality_text()
     );
-    let keys: Vec<_> = panels.iter().map(|p| json!({ "state": p.state, "distractor": p.distractor, "rows": p.rows.len() })).collect();
+    let keys: Vec<_> =
+        panels.iter().map(|p| json!({ "state": p.state, "distractor": p.distractor, "rows": p.rows.len() })).collect();
     let heading = session.heading("One trajectory a panel, over all latents");
-    let figure = Panels { heading, points: made.points(), states: states.clone(), distractors: distractors.clone(), panels };
+    let figure =
+        Panels { heading, points: made.points(), states: states.clone(), distractors: distractors.clone(), panels };
     session.save(&Figure::Panels(figure), "grid")?;
     session.write_json("grid", &json!({ "states": states, "distractors": distractors, "cells": keys, "holes": holes, "quality": made.quality }))?;
     Ok(session.finish(line))
@@ -101,7 +108,8 @@ fn panels(session: &Session, states: &[u32], distractors: &[u32]) -> Vec<Panel> 
     let mut panels = Vec::new();
     for &state in states {
         for &distractor in distractors {
-            let mut rows: Vec<usize> = (0..l.len()).filter(|&r| l.state[r] == Some(state) && l.distractor[r] == Some(distractor)).collect();
+            let mut rows: Vec<usize> =
+                (0..l.len()).filter(|&r| l.state[r] == Some(state) && l.distractor[r] == Some(distractor)).collect();
             rows.sort_by_key(|&r| (l.episode[r], l.step[r]));
             if !rows.is_empty() {
                 panels.push(Panel { state, distractor, rows });

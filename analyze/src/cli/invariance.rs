@@ -37,10 +37,19 @@ struct Measured {
 }
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
-    let mut session = Session::open(&options.input, globals, "invariance", json!({ "k": options.k, "tolerance": options.tolerance, "queries": options.queries }))?;
+    let mut session = Session::open(
+        &options.input,
+        globals,
+        "invariance",
+        json!({ "k": options.k, "tolerance": options.tolerance, "queries": options.queries }),
+    )?;
     let (measured, dropped, size) = {
         let grid = grid(session.table()?)?;
-        (measure(&grid, options, &session)?, grid.dropped().to_vec(), (grid.states().len(), grid.distractors().len(), grid.steps().len()))
+        (
+            measure(&grid, options, &session)?,
+            grid.dropped().to_vec(),
+            (grid.states().len(), grid.distractors().len(), grid.steps().len()),
+        )
     };
     if !dropped.is_empty() {
         session.remark(format!("the grid has holes: state trajectories {dropped:?} lack a cell and were left out"));
@@ -53,9 +62,16 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     document["grid"] = json!({ "states": size.0, "distractors": size.1, "steps": size.2, "dropped_states": dropped });
     document["action_only"] = control.as_ref().map_or(Value::Null, numbers);
     session.write_json("invariance", &document)?;
-    let first = measured.retrievals.first().map_or_else(String::new, |r| format!("; same state found under another distractor: {} (chance {:.3})", text(&r.found), r.chance));
+    let first = measured.retrievals.first().map_or_else(String::new, |r| {
+        format!("; same state found under another distractor: {} (chance {:.3})", text(&r.found), r.chance)
+    });
     let s = &measured.split;
-    let line = format!("invariance: of the latents' variance {} state, {} distractor, {} interaction{first}", text(&s.state), text(&s.distractor), text(&s.interaction));
+    let line = format!(
+        "invariance: of the latents' variance {} state, {} distractor, {} interaction{first}",
+        text(&s.state),
+        text(&s.distractor),
+        text(&s.interaction)
+    );
     Ok(session.finish(line))
 }
 
@@ -69,7 +85,11 @@ pub(super) fn grid(table: Table<'_>) -> Result<Grid<'_>, crate::Error> {
 
 /// `0.61 [0.57, 0.66]`, or without an interval if there is none.
 pub(super) fn text(i: &Interval) -> String {
-    if i.low.is_finite() && i.high.is_finite() { format!("{:.3} [{:.3}, {:.3}]", i.estimate, i.low, i.high) } else { format!("{:.3}", i.estimate) }
+    if i.low.is_finite() && i.high.is_finite() {
+        format!("{:.3} [{:.3}, {:.3}]", i.estimate, i.low, i.high)
+    } else {
+        format!("{:.3}", i.estimate)
+    }
 }
 
 /// The interval's ends, if it has some.
@@ -80,7 +100,12 @@ pub(super) fn ends(i: &Interval) -> Option<(f64, f64)> {
 fn measure(grid: &Grid<'_>, options: &Options, session: &Session) -> anyhow::Result<Measured> {
     let mut rng = session.rng();
     let split = variance(grid, &mut rng)?;
-    let ask = |k: usize| RetrievalOptions { k, tolerance: options.tolerance, queries: options.queries, ..RetrievalOptions::default() };
+    let ask = |k: usize| RetrievalOptions {
+        k,
+        tolerance: options.tolerance,
+        queries: options.queries,
+        ..RetrievalOptions::default()
+    };
     let retrievals = options.k.iter().map(|&k| retrieval(grid, ask(k), &mut rng)).collect::<Result<_, _>>()?;
     Ok(Measured { split, retrievals })
 }
@@ -100,11 +125,19 @@ fn control(options: &Options, session: &mut Session) -> anyhow::Result<Option<Me
 }
 
 fn draw(session: &Session, measured: &Measured, control: Option<&Measured>) -> Bars {
-    let bar = |label: &str, i: &Interval, chance| Bar { label: label.into(), value: i.estimate, interval: ends(i), chance };
+    let bar =
+        |label: &str, i: &Interval, chance| Bar { label: label.into(), value: i.estimate, interval: ends(i), chance };
     let s = &measured.split;
-    let shares =
-        vec![bar("state", &s.state, Some(s.state_of_noise)), bar("distractor", &s.distractor, None), bar("interaction", &s.interaction, None)];
-    let mut found: Vec<Bar> = measured.retrievals.iter().map(|r| bar(&format!("latent, {} nearest", r.k), &r.found, Some(r.chance))).collect();
+    let shares = vec![
+        bar("state", &s.state, Some(s.state_of_noise)),
+        bar("distractor", &s.distractor, None),
+        bar("interaction", &s.interaction, None),
+    ];
+    let mut found: Vec<Bar> = measured
+        .retrievals
+        .iter()
+        .map(|r| bar(&format!("latent, {} nearest", r.k), &r.found, Some(r.chance)))
+        .collect();
     let controls = control.into_iter().flat_map(|c| &c.retrievals);
     found.extend(controls.map(|r| bar(&format!("actions only, {} nearest", r.k), &r.found, Some(r.chance))));
     let whole = Some((0.0, 1.0));

@@ -10,12 +10,13 @@ use crate::neighbours::{Metric, Space};
 use crate::output::MapTable;
 use crate::pca::pca;
 use crate::quality::{QualityOptions, quality};
+use crate::tsne::{TsneOptions, tsne};
 use crate::umap::{UmapOptions, umap};
 
 /// How the map is made.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct MapOptions {
-    /// umap or pca.
+    /// How the map is made.
     #[arg(long, value_enum, default_value_t = Method::Umap)]
     pub(super) method: Method,
     /// The distance between latents: standardized, euclidean or cosine.
@@ -30,6 +31,9 @@ pub(super) struct MapOptions {
     /// UMAP: scale of the map.
     #[arg(long, default_value_t = 1.0)]
     pub(super) spread: f64,
+    /// t-SNE: the effective size of a neighbourhood.
+    #[arg(long, default_value_t = 30.0)]
+    pub(super) perplexity: f64,
     /// UMAP: rounds of the layout [default: 500, above 10,000 rows 200].
     #[arg(long)]
     pub(super) epochs: Option<usize>,
@@ -39,6 +43,7 @@ pub(super) struct MapOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum Method {
     Umap,
+    Tsne,
     Pca,
 }
 
@@ -47,6 +52,7 @@ impl Method {
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Umap => "UMAP",
+            Self::Tsne => "t-SNE",
             Self::Pca => "PC",
         }
     }
@@ -78,7 +84,15 @@ impl MadeMap {
 impl Default for MapOptions {
     fn default() -> Self {
         let umap = UmapOptions::default();
-        Self { method: Method::Umap, metric: Metric::Euclidean, neighbours: umap.neighbours, min_dist: umap.min_dist, spread: umap.spread, epochs: umap.epochs }
+        Self {
+            method: Method::Umap,
+            metric: Metric::Euclidean,
+            neighbours: umap.neighbours,
+            min_dist: umap.min_dist,
+            spread: umap.spread,
+            epochs: umap.epochs,
+            perplexity: TsneOptions::default().perplexity,
+        }
     }
 }
 
@@ -88,6 +102,7 @@ impl MapOptions {
         json!({
             "method": format!("{:?}", self.method).to_lowercase(), "metric": self.metric.name(), "neighbours": self.neighbours,
             "min_dist": self.min_dist, "spread": self.spread, "epochs": self.epochs,
+            "perplexity": self.perplexity,
         })
     }
 
@@ -96,15 +111,25 @@ impl MapOptions {
     pub(super) fn map(&self, session: &mut Session, globals: &Globals) -> anyhow::Result<MadeMap> {
         let path = session.out.join("map.arrow");
         let recipe = json!({ "options": self.json(), "seed": session.seed, "latents": checksum(session) }).to_string();
-        if let Some(known) = MapTable::read(&path).filter(|m| m.recipe == recipe && m.episode == session.latents.episode && m.step == session.latents.step) {
+        if let Some(known) = MapTable::read(&path)
+            .filter(|m| m.recipe == recipe && m.episode == session.latents.episode && m.step == session.latents.step)
+        {
             say(globals, format_args!("map: {} is still right and used again", path.display()));
             session.outcome.files.push(path);
-            return Ok(MadeMap { positions: known.positions, quality: serde_json::from_str(&known.quality).unwrap_or(Value::Null) });
+            return Ok(MadeMap {
+                positions: known.positions,
+                quality: serde_json::from_str(&known.quality).unwrap_or(Value::Null),
+            });
         }
         let made = self.make(session)?;
         let l = &session.latents;
-        let table =
-            MapTable { episode: l.episode.clone(), step: l.step.clone(), positions: made.positions.clone(), recipe, quality: made.quality.to_string() };
+        let table = MapTable {
+            episode: l.episode.clone(),
+            step: l.step.clone(),
+            positions: made.positions.clone(),
+            recipe,
+            quality: made.quality.to_string(),
+        };
         table.write(&path)?;
         session.outcome.files.push(path);
         Ok(made)
@@ -122,10 +147,16 @@ impl MapOptions {
         };
         let positions = match self.method {
             Method::Umap => umap(&space, umap_options, &mut rng)?,
+            Method::Tsne => {
+                tsne(&space, TsneOptions { perplexity: self.perplexity, ..TsneOptions::default() }, &mut rng)?
+            }
             Method::Pca => pca(space.table())?.positions,
         };
         let quality = quality(&space, &positions, QualityOptions::default(), &mut rng).ok();
-        let quality = quality.map_or(Value::Null, |q| json!({ "trustworthiness": q.trustworthiness, "kept": q.kept, "k": q.k, "rows": q.rows }));
+        let quality = quality.map_or(
+            Value::Null,
+            |q| json!({ "trustworthiness": q.trustworthiness, "kept": q.kept, "k": q.k, "rows": q.rows }),
+        );
         Ok(MadeMap { positions, quality })
     }
 }

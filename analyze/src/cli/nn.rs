@@ -7,12 +7,14 @@ use rand::seq::index;
 use serde::Serialize;
 use serde_json::json;
 
+use super::invariance::text;
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Figure, NeighbourSheet, SheetColumn, Thumb};
 use crate::input::Frames;
 use crate::neighbours::{Exclude, Metric, Neighbours, Space, nearest};
 use crate::output::{Column, write_table};
+use crate::state_error::{StateError, state_error};
 
 /// Nearest neighbours in the latent space: a sheet of pictures, and neighbours.json.
 ///
@@ -66,7 +68,9 @@ impl FromStr for RowKey {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let parsed = text.split_once(':').and_then(|(e, s)| Some(Self { episode: e.trim().parse().ok()?, step: s.trim().parse().ok()? }));
+        let parsed = text
+            .split_once(':')
+            .and_then(|(e, s)| Some(Self { episode: e.trim().parse().ok()?, step: s.trim().parse().ok()? }));
         parsed.ok_or_else(|| format!("{text:?} is no row key; EPISODE:STEP is expected, as in 12:40"))
     }
 }
@@ -101,9 +105,19 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     if !constant.is_empty() {
         session.remark(format!("latent dimensions {constant:?} are constant and were left out of the distance"));
     }
-    write_numbers(options, &mut session, &queries, &found)?;
+    let error = frames.as_ref().and_then(|frames| state_error_of(&session, frames, &queries, &found));
+    write_numbers(options, &mut session, &queries, &found, error)?;
     let line = draw(options, &mut session, frames.as_ref(), &queries, &found)?;
-    Ok(session.finish(line))
+    let error = error.map_or_else(String::new, |e| {
+        format!("; task state off by {} of a random pair's {}", text(&e.neighbours), text(&e.random))
+    });
+    Ok(session.finish(line + &error))
+}
+
+/// How far the neighbours' task state is from the query's; none if the recording's observations do not vary.
+fn state_error_of(session: &Session, frames: &Frames, queries: &[usize], found: &Neighbours) -> Option<StateError> {
+    let states = frames.observations(&session.latents);
+    state_error(&session.table().ok()?, &states, queries, found, &mut session.rng())
 }
 
 /// The rows to query, by index: those named, or drawn.
@@ -135,7 +149,9 @@ fn choose(options: &Options, session: &mut Session) -> anyhow::Result<Vec<usize>
 /// Half the queries on goal, half off goal; if there are too few of one kind, more of the other.
 fn mix(session: &Session, queries: usize, rng: &mut impl Rng) -> anyhow::Result<Vec<usize>> {
     let Some(goal) = goal(session) else {
-        return Err(wrong("--select mix needs rewards, these latents have none (or all the same); use --select random"));
+        return Err(wrong(
+            "--select mix needs rewards, these latents have none (or all the same); use --select random",
+        ));
     };
     let side = |on: bool| -> Vec<usize> {
         let reward = &session.latents.reward;
@@ -145,7 +161,9 @@ fn mix(session: &Session, queries: usize, rng: &mut impl Rng) -> anyhow::Result<
     let from_off = queries.div_ceil(2).min(off.len());
     let from_on = (queries - from_off).min(on.len());
     let from_off = (queries - from_on).min(off.len());
-    let mut draw = |rows: &[usize], count: usize| -> Vec<usize> { index::sample(rng, rows.len(), count).into_iter().map(|i| rows[i]).collect() };
+    let mut draw = |rows: &[usize], count: usize| -> Vec<usize> {
+        index::sample(rng, rows.len(), count).into_iter().map(|i| rows[i]).collect()
+    };
     let mut chosen = draw(&on, from_on);
     chosen.extend(draw(&off, from_off));
     Ok(chosen)
@@ -167,7 +185,13 @@ fn state_labels(options: &Options, session: &Session) -> anyhow::Result<Option<V
     labels.map(Some).ok_or_else(|| wrong("--exclude state needs latents of a grid (a column state without gaps)"))
 }
 
-fn write_numbers(options: &Options, session: &mut Session, queries: &[usize], found: &Neighbours) -> anyhow::Result<()> {
+fn write_numbers(
+    options: &Options,
+    session: &mut Session,
+    queries: &[usize],
+    found: &Neighbours,
+    error: Option<StateError>,
+) -> anyhow::Result<()> {
     let key = |row: usize| [session.latents.episode[row], session.latents.step[row]];
     let list: Vec<Query> = (0..queries.len())
         .map(|q| Query {
@@ -177,7 +201,9 @@ fn write_numbers(options: &Options, session: &mut Session, queries: &[usize], fo
         })
         .collect();
     let column = |of: &dyn Fn(&Query, usize) -> u32| {
-        Column::UInt32(list.iter().flat_map(|q| (0..q.neighbours.len()).map(|i| of(q, i)).collect::<Vec<_>>()).collect())
+        Column::UInt32(
+            list.iter().flat_map(|q| (0..q.neighbours.len()).map(|i| of(q, i)).collect::<Vec<_>>()).collect(),
+        )
     };
     let table = [
         ("query_episode", column(&|q, _| q.query[0])),
@@ -187,7 +213,10 @@ fn write_numbers(options: &Options, session: &mut Session, queries: &[usize], fo
         ("step", column(&|q, i| q.neighbours[i][1])),
         ("distance", Column::Float64(list.iter().flat_map(|q| q.distance.clone()).collect())),
     ];
-    session.write_json("neighbours", &json!({ "metric": options.metric.name(), "k": options.k, "queries": list }))?;
+    session.write_json(
+        "neighbours",
+        &json!({ "metric": options.metric.name(), "k": options.k, "queries": list, "state_error": error }),
+    )?;
     let path = session.out.join("neighbours.arrow");
     write_table(&path, &table, &[("vibes.latents", session.path.display().to_string())])?;
     session.outcome.files.push(path);
@@ -195,9 +224,20 @@ fn write_numbers(options: &Options, session: &mut Session, queries: &[usize], fo
 }
 
 /// Draws the sheet, if there are pictures, and words the result.
-fn draw(options: &Options, session: &mut Session, frames: Option<&Frames>, queries: &[usize], found: &Neighbours) -> anyhow::Result<String> {
+fn draw(
+    options: &Options,
+    session: &mut Session,
+    frames: Option<&Frames>,
+    queries: &[usize],
+    found: &Neighbours,
+) -> anyhow::Result<String> {
     let nearest: f64 = (0..queries.len()).map(|q| found.distances(q)[0]).sum::<f64>() / queries.len() as f64;
-    let line = format!("nn: {} queries, {} neighbours each, mean distance of the first {nearest:.3} ({})", queries.len(), found.k(), options.metric.name());
+    let line = format!(
+        "nn: {} queries, {} neighbours each, mean distance of the first {nearest:.3} ({})",
+        queries.len(),
+        found.k(),
+        options.metric.name()
+    );
     let Some(frames) = frames else {
         if !session.without_frames() {
             session.remark("these latents name no recording, so there are numbers and no sheet of pictures (name one with --recording)");
@@ -218,10 +258,18 @@ fn draw(options: &Options, session: &mut Session, frames: Option<&Frames>, queri
         (Some(goal), Some(reward)) => if reward >= goal { "on goal" } else { "off goal" }.to_string(),
         _ => String::new(),
     };
-    let neighbours = |q: usize| found.rows(q).iter().zip(found.distances(q)).map(|(&row, &d)| (thumb(row as usize), d)).collect();
-    let columns: Vec<SheetColumn> =
-        queries.iter().enumerate().map(|(q, &row)| SheetColumn { query: thumb(row), remark: remark(row), neighbours: neighbours(q) }).collect();
-    let missing = columns.iter().flat_map(|c| std::iter::once(&c.query).chain(c.neighbours.iter().map(|n| &n.0))).filter(|t| t.pixels.is_none()).count();
+    let neighbours =
+        |q: usize| found.rows(q).iter().zip(found.distances(q)).map(|(&row, &d)| (thumb(row as usize), d)).collect();
+    let columns: Vec<SheetColumn> = queries
+        .iter()
+        .enumerate()
+        .map(|(q, &row)| SheetColumn { query: thumb(row), remark: remark(row), neighbours: neighbours(q) })
+        .collect();
+    let missing = columns
+        .iter()
+        .flat_map(|c| std::iter::once(&c.query).chain(c.neighbours.iter().map(|n| &n.0)))
+        .filter(|t| t.pixels.is_none())
+        .count();
     let distance = match options.metric {
         Metric::Standardized => "standardized L2 distance",
         Metric::Euclidean => "Euclidean distance",

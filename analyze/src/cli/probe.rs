@@ -12,7 +12,7 @@ use crate::figures::{Figure, ProbeChart, ProbeMark, ProbeRow};
 use crate::input::Frames;
 use crate::intervals::Interval;
 use crate::output::{Column, write_table};
-use crate::probes::{Probe, ProbeOptions, ProbeScore, Quantity, Values, probe};
+use crate::probes::{HoldOut, Probe, ProbeOptions, ProbeScore, Quantity, Values, probe};
 
 /// Ridge and kNN probes on held-out trajectories: from the latent to each task quantity (high is good) and to each distractor parameter
 /// (chance is good), with an action-only and a shuffled control.
@@ -31,25 +31,48 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let mut session = Session::open(&options.input, globals, "probe", json!({}))?;
     let frames = session.needed_frames("probe")?;
     let latents = with_reward(&session.latents);
-    let (kept, flat): (Vec<_>, Vec<_>) = quantities(&latents, &frames).into_iter().partition(|(_, q)| varies(&q.values));
+    let (kept, flat): (Vec<_>, Vec<_>) =
+        quantities(&latents, &frames).into_iter().partition(|(_, q)| varies(&q.values));
     if !flat.is_empty() {
         let names: Vec<&str> = flat.iter().map(|(_, q)| q.name.as_str()).collect();
         session.remark(format!("{} do not vary in this recording and were left out", names.join(", ")));
     }
     let (sections, quantities): (Vec<&str>, Vec<Quantity>) = kept.into_iter().unzip();
-    let of_latent = scores(&session, &latents, latents.dims, &latents.latent, &quantities)?;
+    let of_latent = scores(&session, &latents, latents.dims, &latents.latent, &sections, &quantities)?;
     let (dims, values) = action_features(&latents, &frames);
-    let of_actions = scores(&session, &latents, dims, &values, &quantities)?;
+    let of_actions = scores(&session, &latents, dims, &values, &sections, &quantities)?;
     session.save(&Figure::ProbeChart(draw(&session, &sections, &quantities, &of_latent, &of_actions)), "probes")?;
     write(&mut session, &sections, &quantities, &of_latent, &of_actions)?;
     let mean = |section: &str| mean_score(section, &sections, &quantities, &of_latent);
-    let line = format!("probe: linear probes read the task with a mean of {:.3}, the distractors with {:.3} (R², accuracy over chance)", mean(TASK), mean(DISTRACTORS));
+    let line = format!(
+        "probe: linear probes read the task with a mean of {:.3}, the distractors with {:.3} (R², accuracy over chance)",
+        mean(TASK),
+        mean(DISTRACTORS)
+    );
     Ok(session.finish(line))
 }
 
-fn scores(session: &Session, l: &Latents, dims: usize, values: &[f32], quantities: &[Quantity]) -> anyhow::Result<Vec<ProbeScore>> {
+/// Task quantities are held out by state trajectory, since the cells of a row share their states; distractors by episode, since the cells of a
+/// column share their distractors, and shuffling whole state trajectories would leave them where they are.
+fn scores(
+    session: &Session,
+    l: &Latents,
+    dims: usize,
+    values: &[f32],
+    sections: &[&str],
+    quantities: &[Quantity],
+) -> anyhow::Result<Vec<ProbeScore>> {
     let table = Table::new(dims, values, &l.episode, &l.step)?.with_grid(&l.state, &l.distractor)?;
-    Ok(probe(&table, quantities, ProbeOptions::default(), &mut session.rng())?)
+    let mut rng = session.rng();
+    let mut all = Vec::new();
+    for (section, hold_out) in [(TASK, HoldOut::State), (DISTRACTORS, HoldOut::Episode)] {
+        let own: Vec<Quantity> =
+            sections.iter().zip(quantities).filter(|(s, _)| **s == section).map(|(_, q)| q.clone()).collect();
+        if !own.is_empty() {
+            all.extend(probe(&table, &own, ProbeOptions { hold_out, ..ProbeOptions::default() }, &mut rng)?);
+        }
+    }
+    Ok(all)
 }
 
 /// The rows that have a reward, so that every quantity has a value in every row; all rows if none has.
@@ -89,7 +112,8 @@ fn quantities(l: &Latents, frames: &Frames) -> Vec<(&'static str, Quantity)> {
         all.push((DISTRACTORS, Quantity { name: "video".into(), values: videos }));
         all.push(number(DISTRACTORS, "video frame".into(), shown.iter().map(|b| f64::from(b.1)).collect()));
     }
-    let names: Vec<String> = spec.materials.iter().flat_map(|m| ["red", "green", "blue"].map(|c| format!("{m} {c}"))).collect();
+    let names: Vec<String> =
+        spec.materials.iter().flat_map(|m| ["red", "green", "blue"].map(|c| format!("{m} {c}"))).collect();
     all.extend(columns(DISTRACTORS, &names, &frames.colors(l)));
     all
 }
@@ -119,11 +143,23 @@ fn find<'s>(scores: &'s [ProbeScore], name: &str, which: Probe) -> Option<&'s Pr
 
 fn mean_score(section: &str, sections: &[&str], quantities: &[Quantity], scores: &[ProbeScore]) -> f64 {
     let of = |q: &Quantity| find(scores, &q.name, Probe::Ridge).map(|s| scaled(&s.score, s).estimate);
-    let values: Vec<f64> = sections.iter().zip(quantities).filter(|(s, _)| **s == section).filter_map(|(_, q)| of(q)).filter(|v| v.is_finite()).collect();
+    let values: Vec<f64> = sections
+        .iter()
+        .zip(quantities)
+        .filter(|(s, _)| **s == section)
+        .filter_map(|(_, q)| of(q))
+        .filter(|v| v.is_finite())
+        .collect();
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-fn draw(session: &Session, sections: &[&str], quantities: &[Quantity], scores: &[ProbeScore], control: &[ProbeScore]) -> ProbeChart {
+fn draw(
+    session: &Session,
+    sections: &[&str],
+    quantities: &[Quantity],
+    scores: &[ProbeScore],
+    control: &[ProbeScore],
+) -> ProbeChart {
     let row = |(section, q): (&&str, &Quantity)| {
         let mut marks = Vec::new();
         let mut mark = |source: usize, score: Option<&ProbeScore>, shuffled: bool| {
@@ -138,18 +174,63 @@ fn draw(session: &Session, sections: &[&str], quantities: &[Quantity], scores: &
         mark(3, find(scores, &q.name, Probe::Ridge), true);
         ProbeRow { section: (*section).into(), quantity: q.name.clone(), marks }
     };
+    let (colors, single): (Vec<_>, Vec<_>) = sections.iter().zip(quantities).partition(|(_, q)| is_color(&q.name));
+    let mut rows: Vec<ProbeRow> = single.into_iter().map(row).collect();
+    // A task has up to a dozen materials of three channels: one line for all of them, each by itself in the table.
+    let all: Vec<ProbeRow> = colors.into_iter().map(row).collect();
+    rows.extend(mean_row(&all));
     ProbeChart {
         heading: session.heading("What can be read from the latent"),
         axis: "R², held-out trajectories (video: accuracy, 0 = chance)".into(),
-        sources: ["latent, linear", "latent, kNN", "past actions, linear", "shuffled, linear"].map(String::from).to_vec(),
-        rows: sections.iter().zip(quantities).map(row).collect(),
+        sources: ["latent, linear", "latent, kNN", "past actions, linear", "shuffled, linear"]
+            .map(String::from)
+            .to_vec(),
+        rows,
     }
 }
 
-fn write(session: &mut Session, sections: &[&str], quantities: &[Quantity], scores: &[ProbeScore], control: &[ProbeScore]) -> anyhow::Result<()> {
-    let section = |name: &str| quantities.iter().position(|q| q.name == name).map_or("", |i| if sections[i] == TASK { "task" } else { "distractor" });
-    let all: Vec<(&str, &ProbeScore)> = scores.iter().map(|s| ("latent", s)).chain(control.iter().map(|s| ("past_actions", s))).collect();
-    let texts = |of: &dyn Fn(&str, &ProbeScore) -> String| Column::Text(all.iter().map(|(source, s)| of(source, s)).collect());
+/// Whether a quantity is a channel of a material's colour.
+fn is_color(name: &str) -> bool {
+    [" red", " green", " blue"].iter().any(|channel| name.ends_with(channel))
+}
+
+/// The mean of several rows, source by source, without an interval.
+fn mean_row(rows: &[ProbeRow]) -> Option<ProbeRow> {
+    let first = rows.first()?;
+    let mean = |source: usize| {
+        let scores: Vec<f64> = rows
+            .iter()
+            .flat_map(|r| &r.marks)
+            .filter(|m| m.source == source && m.score.is_finite())
+            .map(|m| m.score)
+            .collect();
+        (!scores.is_empty()).then(|| ProbeMark {
+            source,
+            score: scores.iter().sum::<f64>() / scores.len() as f64,
+            interval: None,
+        })
+    };
+    let marks = (0..4).filter_map(mean).collect();
+    Some(ProbeRow { section: first.section.clone(), quantity: format!("colours, mean of {}", rows.len()), marks })
+}
+
+fn write(
+    session: &mut Session,
+    sections: &[&str],
+    quantities: &[Quantity],
+    scores: &[ProbeScore],
+    control: &[ProbeScore],
+) -> anyhow::Result<()> {
+    let section = |name: &str| {
+        quantities
+            .iter()
+            .position(|q| q.name == name)
+            .map_or("", |i| if sections[i] == TASK { "task" } else { "distractor" })
+    };
+    let all: Vec<(&str, &ProbeScore)> =
+        scores.iter().map(|s| ("latent", s)).chain(control.iter().map(|s| ("past_actions", s))).collect();
+    let texts =
+        |of: &dyn Fn(&str, &ProbeScore) -> String| Column::Text(all.iter().map(|(source, s)| of(source, s)).collect());
     let numbers = |of: &dyn Fn(&ProbeScore) -> f64| Column::Float64(all.iter().map(|(_, s)| of(s)).collect());
     let table = [
         ("source", texts(&|source, _| source.into())),
@@ -166,6 +247,10 @@ fn write(session: &mut Session, sections: &[&str], quantities: &[Quantity], scor
     let path = session.out.join("probes.arrow");
     write_table(&path, &table, &[("vibes.latents", session.path.display().to_string())])?;
     session.outcome.files.push(path);
-    let sections: Vec<_> = sections.iter().zip(quantities).map(|(s, q)| json!({ "quantity": q.name, "section": if *s == TASK { "task" } else { "distractor" } })).collect();
+    let sections: Vec<_> = sections
+        .iter()
+        .zip(quantities)
+        .map(|(s, q)| json!({ "quantity": q.name, "section": if *s == TASK { "task" } else { "distractor" } }))
+        .collect();
     session.write_json("probes", &json!({ "quantities": sections, "latent": scores, "past_actions": control }))
 }

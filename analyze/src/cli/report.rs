@@ -41,20 +41,45 @@ pub(super) struct Options {
 
 /// A verb of the report: what it asks and how to read its answer.
 const QUESTIONS: [(&str, &str, &str); 5] = [
-    ("nn", "What is near what?", "Each column: a query on top, its nearest rows from other episodes beneath. Good: same arm and goal, other background."),
-    ("umap", "What does the latent space look like?", "Every point a row of the recording. Good: states lie apart, distractors are mixed."),
-    ("grid", "Does a trajectory keep its place under other distractors?", "Panels of one row share the state, panels of one column the distractor. Good: equal along rows, different along columns."),
-    ("invariance", "How invariant is it?", "Good: state near 1, distractor near 0, retrieval far above chance; compare with the action-only control."),
-    ("probe", "What can be read from it?", "Good: task quantities high and above the action-only control, distractors at chance."),
+    (
+        "nn",
+        "What is near what?",
+        "Each column: a query on top, its nearest rows from other episodes beneath. Good: same arm and goal, other background.",
+    ),
+    (
+        "umap",
+        "What does the latent space look like?",
+        "Every point a row of the recording. Good: states lie apart, distractors are mixed.",
+    ),
+    (
+        "grid",
+        "Does a trajectory keep its place under other distractors?",
+        "Panels of one row share the state, panels of one column the distractor. Good: equal along rows, different along columns.",
+    ),
+    (
+        "invariance",
+        "How invariant is it?",
+        "Good: state near 1, distractor near 0, retrieval far above chance; compare with the action-only control.",
+    ),
+    (
+        "probe",
+        "What can be read from it?",
+        "Good: task quantities high and above the action-only control, distractors at chance.",
+    ),
 ];
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
-    let inputs: Vec<Option<&Path>> = if options.runs.is_empty() { vec![None] } else { options.runs.iter().map(|r| Some(r.as_path())).collect() };
+    let inputs: Vec<Option<&Path>> =
+        if options.runs.is_empty() { vec![None] } else { options.runs.iter().map(|r| Some(r.as_path())).collect() };
     let mut chapters = Vec::new();
     let mut out: Option<PathBuf> = options.output.clone();
     for input in inputs {
         let session = Session::open(&source(options, input), globals, "report", json!({}))?;
-        let folder = out.get_or_insert_with(|| session.out.clone()).join(if options.runs.len() > 1 { name(&session.path) } else { String::new() });
+        let folder = out.get_or_insert_with(|| session.out.clone()).join(if options.runs.len() > 1 {
+            name(&session.path)
+        } else {
+            String::new()
+        });
         chapters.push(chapter(options, globals, session, &folder)?);
     }
     let out = out.unwrap_or_default();
@@ -66,7 +91,11 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let html = page("Looking into the latent space", options.note.as_deref(), &chapters);
     write(&path, &html)?;
     let figures: usize = chapters.iter().flat_map(|c| &c.sections).map(|s| s.figures.len()).sum();
-    let line = format!("report: {figures} figures of {} tables of latents on one page of {:.1} MB", chapters.len() - usize::from(!runs.is_empty()), html.len() as f64 / 1e6);
+    let line = format!(
+        "report: {figures} figures of {} tables of latents on one page of {:.1} MB",
+        chapters.len() - usize::from(!runs.is_empty()),
+        html.len() as f64 / 1e6
+    );
     let json = json!({ "report": path, "figures": figures, "bytes": html.len() });
     Ok(Outcome { line, remarks: Vec::new(), files: vec![path], json })
 }
@@ -99,7 +128,11 @@ fn chapter(options: &Options, globals: &Globals, mut session: Session, folder: &
 fn answer(options: &Options, words: &[&str], folder: &Path, mut section: Section) -> Section {
     let folder = folder.display().to_string();
     let seed = options.seed.to_string();
-    let mut typed: Vec<String> = [&["vibes-analyze"], words, &["--quiet", "-o", &folder, "--seed", &seed]].concat().into_iter().map(String::from).collect();
+    let mut typed: Vec<String> = [&["vibes-analyze"], words, &["--quiet", "-o", &folder, "--seed", &seed]]
+        .concat()
+        .into_iter()
+        .map(String::from)
+        .collect();
     if let Some(note) = &options.note {
         typed.extend(["--note".into(), note.clone()]);
     }
@@ -110,7 +143,12 @@ fn answer(options: &Options, words: &[&str], folder: &Path, mut section: Section
     match outcome {
         Ok(outcome) => {
             let svg = outcome.files.iter().filter(|f| f.extension().is_some_and(|e| e == "svg"));
-            let shown = |f: &PathBuf| Some(Shown { svg: std::fs::read_to_string(f).ok()?, alt: format!("{}: {}", section.title, outcome.line) });
+            let shown = |f: &PathBuf| {
+                Some(Shown {
+                    svg: std::fs::read_to_string(f).ok()?,
+                    alt: format!("{}: {}", section.title, outcome.line),
+                })
+            };
             section.figures = svg.filter_map(shown).collect();
             section.result = outcome.line;
             section.remarks = outcome.remarks;
@@ -128,7 +166,11 @@ fn training(options: &Options, globals: &Globals, runs: &[&PathBuf], out: &Path)
     let words: Vec<&str> = std::iter::once("curves").chain(names.iter().map(String::as_str)).collect();
     let reading = "Log-likelihoods in nats a row; the gap is the adversary's minus the dynamics', and falls to 0 for a bisimulation.";
     let section = Section { title: "How did training go?".into(), reading: reading.into(), ..Section::default() };
-    Chapter { title: "Training".into(), origin: names.join(", "), sections: vec![answer(options, &words, out, section)] }
+    Chapter {
+        title: "Training".into(),
+        origin: names.join(", "),
+        sections: vec![answer(options, &words, out, section)],
+    }
 }
 
 /// The map to hover over.
@@ -168,8 +210,15 @@ fn live_map(options: &Options, session: &Session, made: &MadeMap, frames: Option
     let longest = l.step.iter().max().copied().unwrap_or(1).max(1) as f32;
     let mut points = Vec::new();
     for (i, &row) in rows.iter().enumerate() {
-        let neighbours = near.rows(i).iter().zip(near.distances(i)).map(|(&n, d)| (format!("{}  {d:.2}", key(n as usize)), frame(n as usize))).collect();
-        let cell = l.state[row].zip(l.distractor[row]).map_or_else(String::new, |(s, d)| format!(", state {s}, distractor {d}"));
+        let neighbours = near
+            .rows(i)
+            .iter()
+            .zip(near.distances(i))
+            .map(|(&n, d)| (format!("{}  {d:.2}", key(n as usize)), frame(n as usize)))
+            .collect();
+        let cell = l.state[row]
+            .zip(l.distractor[row])
+            .map_or_else(String::new, |(s, d)| format!(", state {s}, distractor {d}"));
         let reward = l.reward[row].map_or_else(String::new, |r| format!(", reward {r:.3}"));
         let [x, y] = made.positions[row];
         let text = format!("episode {}, step {}{cell}{reward}", l.episode[row], l.step[row]);

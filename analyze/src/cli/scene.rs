@@ -39,12 +39,25 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         session.remark("these latents name no recording, so the scene has no pictures (name one with --recording)");
     }
     let made = options.map.map(&mut session, globals)?;
-    let neighbours = nearest(&Space::new(session.table()?, Metric::Standardized)?, &rows, options.k, Exclude::Trajectory)?;
+    let neighbours =
+        nearest(&Space::new(session.table()?, Metric::Standardized)?, &rows, options.k, Exclude::Trajectory)?;
     let path = session.out.join("scene.rrd");
-    let scene =
-        Scene { latents: &session.latents, frames: frames.as_ref(), positions: &made.positions, rows: &rows, neighbours: &neighbours, note: session.note() };
+    let scene = Scene {
+        latents: &session.latents,
+        frames: frames.as_ref(),
+        positions: &made.positions,
+        rows: &rows,
+        neighbours: &neighbours,
+        note: session.note(),
+    };
     scene.write(&path)?;
-    let line = format!("scene: {} rows of {} episodes with {} neighbours each; open it with `rerun {}`", rows.len(), episodes.len(), options.k, path.display());
+    let line = format!(
+        "scene: {} rows of {} episodes with {} neighbours each; open it with `rerun {}`",
+        rows.len(),
+        episodes.len(),
+        options.k,
+        path.display()
+    );
     session.outcome.files.push(path);
     session.write_json("scene", &json!({ "episodes": episodes, "rows": rows.len(), "quality": made.quality }))?;
     Ok(session.finish(line))
@@ -58,7 +71,10 @@ fn choose(options: &Options, session: &Session) -> anyhow::Result<(Vec<usize>, V
         by_episode.entry(l.episode[row]).or_default().push(row);
     }
     if let Some(missing) = options.episodes.iter().find(|e| !by_episode.contains_key(e)) {
-        return Err(wrong(format!("--episodes {missing}: these latents have no such episode (they have {})", by_episode.len())));
+        return Err(wrong(format!(
+            "--episodes {missing}: these latents have no such episode (they have {})",
+            by_episode.len()
+        )));
     }
     let named: BTreeSet<u32> = options.episodes.iter().copied().collect();
     let mut rows = Vec::new();

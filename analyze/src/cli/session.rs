@@ -42,9 +42,23 @@ pub(super) struct Input {
 
 impl Input {
     /// The input of a verb that is run by another.
-    pub(super) fn named(latents: Option<&Path>, recording: Option<&Path>, output: Option<&Path>, seed: u64, note: Option<&str>) -> Self {
+    pub(super) fn named(
+        latents: Option<&Path>,
+        recording: Option<&Path>,
+        output: Option<&Path>,
+        seed: u64,
+        note: Option<&str>,
+    ) -> Self {
         let owned = |path: Option<&Path>| path.map(Path::to_path_buf);
-        Self { input: owned(latents), latents: None, recording: owned(recording), no_frames: false, output: owned(output), seed, note: note.map(String::from) }
+        Self {
+            input: owned(latents),
+            latents: None,
+            recording: owned(recording),
+            no_frames: false,
+            output: owned(output),
+            seed,
+            note: note.map(String::from),
+        }
     }
 }
 
@@ -67,18 +81,26 @@ impl Session {
         let (path, how) = match &named {
             Some(path) if path.is_dir() => (newest_latents(path)?, " (the newest there)"),
             Some(path) => (path.clone(), ""),
-            None => (newest_latents(Path::new("."))?.strip_prefix(".").map(Path::to_path_buf).unwrap_or_default(), " (the newest; name others with --latents)"),
+            None => (
+                newest_latents(Path::new("."))?.strip_prefix(".").map(Path::to_path_buf).unwrap_or_default(),
+                " (the newest; name others with --latents)",
+            ),
         };
         let latents = read_latents(&path)?;
-        say(globals, format_args!("latents: {}{how}, {} rows of {} dimensions", path.display(), latents.len(), latents.dims));
+        say(
+            globals,
+            format_args!("latents: {}{how}, {} rows of {} dimensions", path.display(), latents.len(), latents.dims),
+        );
         let out = input.output.clone().unwrap_or_else(|| path.parent().unwrap_or(Path::new("")).join("figures"));
         let about = json!({
             "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": verb, "options": options, "seed": input.seed,
             "latents": path, "rows": latents.len(), "dims": latents.dims, "checkpoint": latents.source.checkpoint, "note": input.note,
         });
-        let session = Self { latents, path, out, seed: input.seed, outcome: Outcome::default(), input: input.clone(), about };
+        let session =
+            Self { latents, path, out, seed: input.seed, outcome: Outcome::default(), input: input.clone(), about };
         session.table().with_context(|| format!("these latents cannot be analysed: {}", session.path.display()))?;
-        std::fs::create_dir_all(&session.out).with_context(|| format!("cannot create the folder {}", session.out.display()))?;
+        std::fs::create_dir_all(&session.out)
+            .with_context(|| format!("cannot create the folder {}", session.out.display()))?;
         Ok(session)
     }
 
@@ -114,7 +136,12 @@ impl Session {
 
     /// The recording's frames, for a verb that cannot go on without.
     pub(super) fn needed_frames(&self, what: &str) -> anyhow::Result<Frames> {
-        self.frames()?.ok_or_else(|| wrong(format!("{what} needs the recording that the latents were encoded from; name it with --recording: {}", self.path.display())))
+        self.frames()?.ok_or_else(|| {
+            wrong(format!(
+                "{what} needs the recording that the latents were encoded from; name it with --recording: {}",
+                self.path.display()
+            ))
+        })
     }
 
     /// The user's note.

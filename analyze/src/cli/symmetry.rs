@@ -27,7 +27,12 @@ pub(super) struct Options {
 const SHOWN: usize = 6;
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
-    let mut session = Session::open(&options.input, globals, "symmetry", json!({ "pairs": options.pairs, "tolerance": options.tolerance }))?;
+    let mut session = Session::open(
+        &options.input,
+        globals,
+        "symmetry",
+        json!({ "pairs": options.pairs, "tolerance": options.tolerance }),
+    )?;
     let frames = session.needed_frames("symmetry")?;
     let states = states(&session, &frames)?;
     let asked = SymmetryOptions { pairs: options.pairs, tolerance: options.tolerance, ..SymmetryOptions::default() };
@@ -61,7 +66,13 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
 /// The arm's joints and the goal of every row: `qpos`, and the goal from the episode's model overrides or the observation `to_target`.
 fn states(session: &Session, frames: &Frames) -> anyhow::Result<Vec<ReacherState>> {
     let manifest = frames.recording().manifest();
-    let not_reacher = || wrong(format!("symmetry is about reacher, this recording is of {}: {}", manifest.spec.task, frames.recording().path().display()));
+    let not_reacher = || {
+        wrong(format!(
+            "symmetry is about reacher, this recording is of {}: {}",
+            manifest.spec.task,
+            frames.recording().path().display()
+        ))
+    };
     if !manifest.spec.task.starts_with("reacher") || manifest.spec.qpos != 2 {
         return Err(not_reacher());
     }
@@ -73,7 +84,10 @@ fn states(session: &Session, frames: &Frames) -> anyhow::Result<Vec<ReacherState
     });
     let to_target = at.into_iter().find(|(_, part)| part.name == "to_target" && part.len == 2).map(|(from, _)| from);
     let Some(from) = to_target else {
-        return Err(wrong(format!("symmetry needs the observation to_target of reacher: {}", frames.recording().path().display())));
+        return Err(wrong(format!(
+            "symmetry needs the observation to_target of reacher: {}",
+            frames.recording().path().display()
+        )));
     };
     let state = |row: usize| {
         let view = frames.view(l.episode[row])?;
@@ -81,7 +95,10 @@ fn states(session: &Session, frames: &Frames) -> anyhow::Result<Vec<ReacherState
         let (qpos, observation) = (view.qpos(step), view.observation(step));
         let joints = [qpos[0], qpos[1]];
         let finger = finger(joints);
-        Some(ReacherState { joints, target: [finger[0] + f64::from(observation[from]), finger[1] + f64::from(observation[from + 1])] })
+        Some(ReacherState {
+            joints,
+            target: [finger[0] + f64::from(observation[from]), finger[1] + f64::from(observation[from + 1])],
+        })
     };
     (0..l.len()).map(|row| state(row).ok_or_else(not_reacher)).collect()
 }
@@ -94,23 +111,35 @@ fn finger([shoulder, wrist]: [f64; 2]) -> [f64; 2] {
 
 /// Root mean square difference of two rows' pictures, of 255.
 fn image_distance(session: &Session, frames: &Frames, a: usize, b: usize) -> f64 {
-    let pixels = |row: usize| frames.view(session.latents.episode[row]).map_or(&[][..], |v| v.pixels(session.latents.step[row] as usize));
+    let pixels = |row: usize| {
+        frames.view(session.latents.episode[row]).map_or(&[][..], |v| v.pixels(session.latents.step[row] as usize))
+    };
     let (a, b) = (pixels(a), pixels(b));
     let sum: u64 = a.iter().zip(b).map(|(&x, &y)| u64::from(x.abs_diff(y)).pow(2)).sum();
     (sum as f64 / a.len().max(1) as f64).sqrt()
 }
 
 fn bars(session: &Session, measured: &Symmetry) -> Bars {
-    let mean = |of: fn(&crate::symmetry::SymmetricPair) -> f64| measured.pairs.iter().map(of).sum::<f64>() / measured.pairs.len() as f64;
+    let mean = |of: fn(&crate::symmetry::SymmetricPair) -> f64| {
+        measured.pairs.iter().map(of).sum::<f64>() / measured.pairs.len() as f64
+    };
     let plain = |label: &str, value: f64| Bar { label: label.into(), value, interval: None, chance: None };
-    let with = |label: &str, i: &crate::intervals::Interval, chance: f64| Bar { label: label.into(), value: i.estimate, interval: ends(i), chance: Some(chance) };
+    let with = |label: &str, i: &crate::intervals::Interval, chance: f64| Bar {
+        label: label.into(),
+        value: i.estimate,
+        interval: ends(i),
+        chance: Some(chance),
+    };
     Bars {
         heading: session.heading("Is the latent symmetric under rotation?"),
         groups: vec![
             BarGroup {
                 axis: "mean latent distance (standardized L2)".into(),
                 range: None,
-                bars: vec![plain("rotated state", mean(|p| p.latent)), plain("picture as different", mean(|p| p.matched_latent))],
+                bars: vec![
+                    plain("rotated state", mean(|p| p.latent)),
+                    plain("picture as different", mean(|p| p.matched_latent)),
+                ],
             },
             BarGroup {
                 axis: "ratio of the two: 0 is symmetric".into(),
@@ -131,7 +160,10 @@ fn sheet(session: &Session, frames: &Frames, measured: &Symmetry) -> NeighbourSh
     let mut pairs = measured.pairs.clone();
     pairs.shuffle(&mut session.rng());
     let l = &session.latents;
-    let thumb = |row: usize| Thumb { name: format!("{}:{}", l.episode[row], l.step[row]), pixels: frames.picture(l.episode[row], l.step[row]) };
+    let thumb = |row: usize| Thumb {
+        name: format!("{}:{}", l.episode[row], l.step[row]),
+        pixels: frames.picture(l.episode[row], l.step[row]),
+    };
     let column = |p: &crate::symmetry::SymmetricPair| SheetColumn {
         query: thumb(p.row),
         remark: String::new(),

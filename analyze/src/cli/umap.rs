@@ -22,12 +22,17 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let made = options.map.map(&mut session, globals)?;
     let seconds = began.elapsed().as_secs_f64();
     for (stem, coloring, title) in colorings(&session) {
-        let heading = session.heading(format!("{} latents, coloured by {title}", session.latents.len()));
+        let heading = session.heading(format!("{} latents, coloured by {title}", thousands(session.latents.len())));
         let map = Map { heading, axes: options.map.method.name().into(), points: made.points(), coloring };
         session.save(&Figure::Map(map), &format!("map-by-{stem}"))?;
     }
     session.write_json("map", &json!({ "quality": made.quality }))?;
-    let line = format!("umap: {} latents in {seconds:.1} s, {}", session.latents.len(), made.quality_text());
+    let line = format!(
+        "umap: {} latents by {} in {seconds:.1} s, {}",
+        session.latents.len(),
+        options.map.method.name(),
+        made.quality_text()
+    );
     Ok(session.finish(line))
 }
 
@@ -36,13 +41,26 @@ fn colorings(session: &Session) -> Vec<(&'static str, Coloring, &'static str)> {
     let l = &session.latents;
     let quantity = |name: &str, values: Vec<f64>| Coloring::Quantity { name: name.into(), values };
     let mut all = vec![("time", quantity("step", l.step.iter().map(|&s| f64::from(s)).collect()), "time")];
-    for (stem, kinds, title) in [("state", &l.state, "state trajectory"), ("distractor", &l.distractor, "distractor trajectory")] {
+    for (stem, kinds, title) in
+        [("state", &l.state, "state trajectory"), ("distractor", &l.distractor, "distractor trajectory")]
+    {
         if kinds.iter().any(Option::is_some) {
             all.push((stem, Coloring::Kind { name: stem.into(), kinds: kinds.clone() }, title));
         }
     }
     if l.reward.iter().any(Option::is_some) {
-        all.push(("reward", quantity("reward", l.reward.iter().map(|r| r.map_or(f64::NAN, f64::from)).collect()), "reward"));
+        all.push((
+            "reward",
+            quantity("reward", l.reward.iter().map(|r| r.map_or(f64::NAN, f64::from)).collect()),
+            "reward",
+        ));
     }
     all
+}
+
+/// `16,064`.
+fn thousands(n: usize) -> String {
+    let digits = n.to_string();
+    let groups: Vec<&str> = digits.as_bytes().rchunks(3).rev().filter_map(|g| std::str::from_utf8(g).ok()).collect();
+    groups.join(",")
 }

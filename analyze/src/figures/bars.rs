@@ -80,18 +80,21 @@ impl BarGroup {
         let (lo, hi) = self.range();
         let scale = Scale::new(lo, hi, area.x, area.right());
         axis::draw_x(picture, area, &scale, &self.axis);
+        // Shares all have three decimals, so that they can be compared at a glance.
+        let shares = self.range == Some((0.0, 1.0));
         for (i, bar) in self.bars.iter().enumerate() {
             let y = top + (i as f64 + 0.5) * PITCH;
-            bar.draw(picture, &scale, y, left, i);
+            let text = if shares { format!("{:.3}", bar.value) } else { number(bar.value) };
+            bar.draw(picture, &scale, (left, y), i, &text);
         }
     }
 }
 
 impl Bar {
-    fn draw(&self, picture: &mut Picture, scale: &Scale, y: f64, left: f64, i: usize) {
+    fn draw(&self, picture: &mut Picture, scale: &Scale, (left, y): (f64, f64), i: usize, number: &str) {
         let label = fit(&self.label, LABEL_SIZE, Weight::Regular, left - 10.0);
         picture.text((left - 4.0, y + 2.5), label, TextStyle::new(LABEL_SIZE).anchor(Anchor::End));
-        let number = if self.value.is_finite() { minus(&number(self.value)) } else { "no value".to_string() };
+        let number = if self.value.is_finite() { minus(number) } else { "no value".to_string() };
         picture.text((scale.to + 5.0, y + 2.3), number, TextStyle::new(TICK_SIZE + 0.5));
         if !self.value.is_finite() {
             return;

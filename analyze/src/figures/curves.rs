@@ -69,7 +69,9 @@ impl Curves {
 impl Facet {
     fn draw(&self, picture: &mut Picture, area: Rect, axis_title: &str) {
         let finite = |values: &mut dyn Iterator<Item = f64>| {
-            let (lo, hi) = values.filter(|v| v.is_finite()).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+            let (lo, hi) = values
+                .filter(|v| v.is_finite())
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
             if lo <= hi { (lo, hi) } else { (0.0, 1.0) }
         };
         let (x0, x1) = finite(&mut self.curves.iter().flat_map(|c| c.x.iter().copied()));

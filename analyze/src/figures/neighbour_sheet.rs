@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::heading::Heading;
 use crate::picture::color::{Color, FAINT, INK, RULE, kind};
-use crate::picture::font::{Weight, fit};
+use crate::picture::font::{self, Weight, fit, wrap};
 use crate::picture::{Anchor, COLUMN, PAGE, Picture, Pixels, Rect, TextStyle};
 
 /// Size of the text under a picture, points.
@@ -47,6 +47,15 @@ struct Layout {
     ranks: usize,
     cell: f64,
     image: (f64, f64),
+    /// Row key and distance do not fit on one line under every picture, so each has its own.
+    two_lines: bool,
+}
+
+impl Layout {
+    /// Height of a neighbour with its text.
+    fn row(&self) -> f64 {
+        self.image.1 + SMALL + 4.0 + if self.two_lines { SMALL + 0.5 } else { 0.0 }
+    }
 }
 
 impl NeighbourSheet {
@@ -56,15 +65,18 @@ impl NeighbourSheet {
         let layout = self.layout();
         let width = if self.columns.len() <= 6 { COLUMN } else { PAGE };
         let bands = self.columns.len().div_ceil(layout.per_band).max(1);
-        let row = layout.image.1 + SMALL + 4.0;
-        let band = 10.0 + row * (layout.ranks + 1) as f64 + 12.0;
-        let (mut picture, top) = self.heading.picture(width, bands as f64 * band + 10.0);
+        let band = 10.0 + layout.row() * (layout.ranks + 1) as f64 + 12.0;
+        let foot =
+            format!("Under each picture its episode:step; under neighbours also the {} to the query.", self.distance);
+        let foot = wrap(&foot, 6.0, Weight::Regular, width - 12.0);
+        let (mut picture, top) = self.heading.picture(width, bands as f64 * band + 2.0 + 8.0 * foot.len() as f64);
         for (i, columns) in self.columns.chunks(layout.per_band).enumerate() {
             self.band(&mut picture, &layout, columns, top + i as f64 * band);
         }
-        let foot = format!("Under each picture: episode:step; beneath the query's neighbours: {}.", self.distance);
-        let at = (6.0, picture.height - 5.0);
-        picture.text(at, fit(&foot, 6.0, Weight::Regular, width - 12.0), TextStyle::new(6.0).color(FAINT));
+        let first = picture.height - 4.0 - 8.0 * (foot.len() as f64 - 1.0);
+        for (i, line) in foot.into_iter().enumerate() {
+            picture.text((6.0, first + 8.0 * i as f64), line, TextStyle::new(6.0).color(FAINT));
+        }
         picture
     }
 
@@ -73,15 +85,21 @@ impl NeighbourSheet {
         let width = if count <= 6 { COLUMN } else { PAGE };
         let per_band = if count <= 6 { count } else { count.div_ceil(count.div_ceil(10)) };
         let cell = ((width - 16.0 - 6.0) / per_band as f64).min(72.0);
-        let shown = |c: &SheetColumn| c.query.pixels.iter().chain(c.neighbours.iter().filter_map(|n| n.0.pixels.as_ref())).next().cloned();
-        let aspect = self.columns.iter().find_map(shown).map_or(1.0, |p| f64::from(p.height) / f64::from(p.width.max(1)));
+        let shown = |c: &SheetColumn| {
+            c.query.pixels.iter().chain(c.neighbours.iter().filter_map(|n| n.0.pixels.as_ref())).next().cloned()
+        };
+        let aspect =
+            self.columns.iter().find_map(shown).map_or(1.0, |p| f64::from(p.height) / f64::from(p.width.max(1)));
         let image = (cell - 4.0, (cell - 4.0) * aspect);
         let ranks = self.columns.iter().map(|c| c.neighbours.len()).max().unwrap_or(0);
-        Layout { per_band, ranks, cell, image }
+        let labels =
+            self.columns.iter().flat_map(|c| &c.neighbours).map(|(thumb, distance)| one_line(thumb, *distance));
+        let two_lines = labels.into_iter().any(|l| width_of(&l) > cell - 1.0);
+        Layout { per_band, ranks, cell, image, two_lines }
     }
 
     fn band(&self, picture: &mut Picture, layout: &Layout, columns: &[SheetColumn], top: f64) {
-        let row = layout.image.1 + SMALL + 4.0;
+        let row = layout.row();
         let middle = |y: f64| y + layout.image.1 / 2.0;
         let side = TextStyle::new(6.0).anchor(Anchor::Middle).color(INK).upwards();
         picture.text((11.0, middle(top + 8.0)), "query", side);
@@ -97,21 +115,38 @@ impl NeighbourSheet {
 
     fn column(&self, picture: &mut Picture, layout: &Layout, column: &SheetColumn, at: (f64, f64)) {
         let (w, h) = layout.image;
-        let row = h + SMALL + 4.0;
+        let row = layout.row();
         let small = TextStyle::new(SMALL).anchor(Anchor::Middle);
         let center = at.0 + 2.0 + w / 2.0;
         picture.text((center, at.1 + 6.0), fit(&column.remark, SMALL, Weight::Regular, w), small.color(FAINT));
         let rect = Rect::new(at.0 + 2.0, at.1 + 8.0, w, h);
         thumb(picture, &column.query, rect, kind(0), 1.6);
-        picture.text((center, rect.bottom() + SMALL + 1.0), fit(&column.query.name, SMALL, Weight::Bold, w), small.bold());
+        picture.text(
+            (center, rect.bottom() + SMALL + 1.0),
+            fit(&column.query.name, SMALL, Weight::Bold, w),
+            small.bold(),
+        );
         for (rank, (neighbour, distance)) in column.neighbours.iter().enumerate() {
             let rect = Rect::new(at.0 + 2.0, at.1 + 13.0 + row * (rank + 1) as f64, w, h);
             thumb(picture, neighbour, rect, RULE, 0.4);
-            let full = format!("{}  {distance:.2}", neighbour.name);
-            let text = if fit(&full, SMALL, Weight::Regular, w + 3.0) == full { full } else { format!("{distance:.2}") };
-            picture.text((center, rect.bottom() + SMALL + 0.5), text, small);
+            let below = rect.bottom() + SMALL + 0.5;
+            if layout.two_lines {
+                picture.text((center, below), fit(&neighbour.name, SMALL, Weight::Regular, w + 3.0), small);
+                picture.text((center, below + SMALL + 0.5), format!("{distance:.2}"), small.color(FAINT));
+            } else {
+                picture.text((center, below), one_line(neighbour, *distance), small);
+            }
         }
     }
+}
+
+/// Row key and distance side by side.
+fn one_line(thumb: &Thumb, distance: f64) -> String {
+    format!("{}  {distance:.2}", thumb.name)
+}
+
+fn width_of(label: &str) -> f64 {
+    font::width(label, SMALL, Weight::Regular)
 }
 
 fn thumb(picture: &mut Picture, thumb: &Thumb, rect: Rect, frame: Color, width: f64) {

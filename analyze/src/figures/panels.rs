@@ -80,7 +80,11 @@ impl Panels {
         let text = |long: &str, short: &str, room: f64| {
             if fit(long, LABEL_SIZE, Weight::Bold, room) == long { long.to_string() } else { short.to_string() }
         };
-        picture.text((at.0 + across / 2.0, at.1 - 12.0), text("same distractor in a column", "distractor", across), key);
+        picture.text(
+            (at.0 + across / 2.0, at.1 - 12.0),
+            text("same distractor in a column", "distractor", across),
+            key,
+        );
         picture.text((8.0, at.1 + down / 2.0), text("same state in a row", "state", down), key.upwards());
         for (c, d) in self.distractors.iter().enumerate() {
             let text = if side > 42.0 { format!("distractor {d}") } else { d.to_string() };
@@ -108,7 +112,8 @@ fn trajectory(picture: &mut Picture, area: Rect, rows: &[usize], centers: &[Poin
     }
     let level = |i: usize| i * LEVELS / rows.len();
     for l in 0..LEVELS {
-        let list: Vec<Point> = rows.iter().enumerate().filter(|(i, _)| level(*i) == l).map(|(_, &row)| centers[row]).collect();
+        let list: Vec<Point> =
+            rows.iter().enumerate().filter(|(i, _)| level(*i) == l).map(|(_, &row)| centers[row]).collect();
         let color = viridis((l as f64 + 0.5) / LEVELS as f64);
         if !list.is_empty() {
             picture.dots((area.x, area.y), Arc::new(list), 0.9, color);

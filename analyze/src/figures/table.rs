@@ -44,7 +44,8 @@ impl Table {
         let text = |t: &str| width(t, LABEL_SIZE, Weight::Bold);
         let first = self.rows.iter().map(|r| text(&r.0)).fold(text(&self.corner), f64::max) + 12.0;
         let widths: Vec<f64> = (0..self.columns.len()).map(|c| self.column_width(c)).collect();
-        let total = (first + widths.iter().sum::<f64>() + 2.0).max(200.0);
+        let total =
+            (first + widths.iter().sum::<f64>() + 2.0).max(200.0).max(width(&self.foot, 6.0, Weight::Regular) + 14.0);
         let (mut picture, top) = self.heading.picture(total, (self.rows.len() + 1) as f64 * PITCH + 20.0);
         let rule = |picture: &mut Picture, y: f64, w: f64| picture.line(&[(6.0, y), (total - 6.0, y)], w, INK);
         rule(&mut picture, top, 0.9);

@@ -140,7 +140,7 @@ fn examples() -> Vec<(&'static str, Figure)> {
                     ("no-adversary".into(), vec![entry(925.0, 21.0, false, true), entry(606.0, 27.0, false, false), None]),
                     ("reconstruction".into(), vec![entry(360.0, 280.0, false, false), entry(417.0, 49.0, false, false), None]),
                 ],
-                foot: "bold: best of its column; underlined: interval overlaps with the best".into(),
+                foot: "mean of the last tenth; bold: best of its column, underlined: its 95% interval overlaps with the best's, and a word more".into(),
             }),
         ),
     ]
@@ -153,15 +153,22 @@ fn entry(mean: f64, half: f64, best: bool, tied: bool) -> Option<Entry> {
 fn curves(facets: usize) -> Curves {
     let curve = |g: usize, f: usize| {
         let x: Vec<f64> = (0..100).map(|i| f64::from(i) * 5000.0).collect();
-        let mean: Vec<f64> = (0..100).map(|i| 900.0 * (1.0 - (-f64::from(i) / (20.0 + 30.0 * (g + f) as f64)).exp())).collect();
-        let band = mean.iter().enumerate().map(|(i, m)| (m - 30.0 - 20.0 * noise(i), m + 30.0 + 20.0 * noise(i + 3))).collect();
+        let mean: Vec<f64> =
+            (0..100).map(|i| 900.0 * (1.0 - (-f64::from(i) / (20.0 + 30.0 * (g + f) as f64)).exp())).collect();
+        let band = mean
+            .iter()
+            .enumerate()
+            .map(|(i, m)| (m - 30.0 - 20.0 * noise(i), m + 30.0 + 20.0 * noise(i + 3)))
+            .collect();
         Curve { group: g, x, mean, band }
     };
     Curves {
         heading: Heading::new("Learning curves, mean and 95% interval over 5 runs"),
         axis: "environment steps".into(),
         groups: ["vibes", "no-adversary", "reconstruction"].map(String::from).to_vec(),
-        facets: (0..facets).map(|f| Facet { metric: format!("episode return {f}"), curves: (0..3).map(|g| curve(g, f)).collect() }).collect(),
+        facets: (0..facets)
+            .map(|f| Facet { metric: format!("episode return {f}"), curves: (0..3).map(|g| curve(g, f)).collect() })
+            .collect(),
     }
 }
 
@@ -223,7 +230,7 @@ fn text_box(shape: &Shape) -> Option<(String, [f64; 4])> {
         return None;
     }
     let w = font::width(text, style.size, style.weight);
-    let from = -crate::picture::svg::offset(style.anchor) * w;
+    let from = -svg::offset(style.anchor) * w;
     let (up, down) = (0.73 * style.size, 0.16 * style.size);
     let b = if style.upwards {
         [at.0 - up, at.1 - from - w, at.0 + down, at.1 - from]

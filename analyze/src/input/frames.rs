@@ -44,7 +44,9 @@ impl Frames {
             let cell = view.cell().map(|c| (c.state, c.distractor));
             let claimed = latents.state[row].zip(latents.distractor[row]);
             if claimed.is_some() && claimed != cell {
-                return Err(other(format!("episode {episode} lies in cell {cell:?} of its grid, the latents say {claimed:?}")));
+                return Err(other(format!(
+                    "episode {episode} lies in cell {cell:?} of its grid, the latents say {claimed:?}"
+                )));
             }
         }
         Ok(Self { recording, views })
@@ -67,7 +69,8 @@ impl Frames {
     pub fn picture(&self, episode: u32, step: u32) -> Option<Arc<Pixels>> {
         let size = self.recording.manifest().spec.pixels?;
         let rgb = self.views.get(&episode)?.pixels(step as usize);
-        (rgb.len() == size.bytes()).then(|| Arc::new(Pixels { width: size.width, height: size.height, rgb: rgb.to_vec() }))
+        (rgb.len() == size.bytes())
+            .then(|| Arc::new(Pixels { width: size.width, height: size.height, rgb: rgb.to_vec() }))
     }
 
     /// The task's vector observation of every row of the latents, `[rows, observation]`.

@@ -58,13 +58,18 @@ fn arrow_stream(path: &Path) -> Result<Latents, InputError> {
 fn parquet(path: &Path) -> Result<Latents, InputError> {
     let broken = |e: String| not_a_table(path, format!("a damaged or unsuitable Parquet file ({e})"));
     let file = File::open(path).map_err(InputError::io(path))?;
-    let builder = parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder::try_new(file).map_err(|e| broken(e.to_string()))?;
+    let builder = parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder::try_new(file)
+        .map_err(|e| broken(e.to_string()))?;
     let schema = builder.schema().clone();
     let reader = builder.build().map_err(|e| broken(e.to_string()))?;
     collect(path, &schema, reader.map(|batch| batch.map_err(|e| broken(e.to_string()))))
 }
 
-fn collect(path: &Path, schema: &Schema, batches: impl Iterator<Item = Result<RecordBatch, InputError>>) -> Result<Latents, InputError> {
+fn collect(
+    path: &Path,
+    schema: &Schema,
+    batches: impl Iterator<Item = Result<RecordBatch, InputError>>,
+) -> Result<Latents, InputError> {
     let names: Vec<&str> = schema.fields().iter().map(|f| f.name().as_str()).collect();
     if let Some(missing) = ["episode", "step", "latent"].into_iter().find(|needed| !names.contains(needed)) {
         return Err(InputError::MissingColumn { missing: missing.into(), found: names.join(", "), path: path.into() });
@@ -92,7 +97,9 @@ fn append(latents: &mut Latents, batch: &RecordBatch, path: &Path) -> Result<(),
         }
     }
     match batch.column_by_name("reward") {
-        Some(values) => latents.reward.extend(floats(values.as_ref(), "reward", path)?.as_primitive::<Float32Type>().iter()),
+        Some(values) => {
+            latents.reward.extend(floats(values.as_ref(), "reward", path)?.as_primitive::<Float32Type>().iter())
+        }
         None => latents.reward.resize(latents.reward.len() + batch.num_rows(), None),
     }
     append_latent(latents, batch, path)
@@ -149,7 +156,11 @@ fn append_latent(latents: &mut Latents, batch: &RecordBatch, path: &Path) -> Res
         }
         other => return Err(column(path, "latent", format!("it holds {other}"), expected)),
     };
-    let first = if latents.episode.len() > lengths.len() { latents.dims } else { lengths.first().copied().unwrap_or(latents.dims) };
+    let first = if latents.episode.len() > lengths.len() {
+        latents.dims
+    } else {
+        lengths.first().copied().unwrap_or(latents.dims)
+    };
     if let Some(other) = lengths.iter().find(|&&length| length != first) {
         return Err(column(path, "latent", format!("lists of {first} and of {other} numbers"), expected));
     }
@@ -168,7 +179,12 @@ fn check_keys(latents: &Latents, path: &Path) -> Result<(), InputError> {
     for (&episode, &step) in latents.episode.iter().zip(&latents.step) {
         if !seen.insert((episode, step)) {
             let fact = format!("episode {episode}, step {step} occurs twice");
-            return Err(column(path, "episode and step", fact, "one row for each (number the episodes of mixed recordings anew)"));
+            return Err(column(
+                path,
+                "episode and step",
+                fact,
+                "one row for each (number the episodes of mixed recordings anew)",
+            ));
         }
     }
     Ok(())

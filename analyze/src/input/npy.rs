@@ -28,7 +28,9 @@ pub(super) fn read(path: &Path) -> Result<Latents, InputError> {
     let bytes = std::fs::read(path).map_err(InputError::io(path))?;
     if bytes.starts_with(b"PK") {
         let members = unzip(&bytes, path)?;
-        return by_name(path, |name| members.iter().find(|m| m.0 == format!("{name}.npy")).map(|m| parse(m.1, path)).transpose());
+        return by_name(path, |name| {
+            members.iter().find(|m| m.0 == format!("{name}.npy")).map(|m| parse(m.1, path)).transpose()
+        });
     }
     let array = parse(&bytes, path)?;
     if array.fields.len() > 1 {
@@ -59,12 +61,17 @@ fn broken(path: &Path, fact: &str) -> InputError {
     InputError::NotATable { fact: fact.into(), path: path.into() }
 }
 
-fn by_name<'a>(path: &Path, array: impl Fn(&str) -> Result<Option<Array<'a>>, InputError>) -> Result<Latents, InputError> {
+fn by_name<'a>(
+    path: &Path,
+    array: impl Fn(&str) -> Result<Option<Array<'a>>, InputError>,
+) -> Result<Latents, InputError> {
     let needed = |name: &str| {
-        let missing = || InputError::MissingColumn { missing: name.into(), found: "other arrays".into(), path: path.into() };
+        let missing =
+            || InputError::MissingColumn { missing: name.into(), found: "other arrays".into(), path: path.into() };
         array(name)?.ok_or_else(missing)
     };
-    let (episode, step, latent) = (needed("episode")?.keys("episode")?, needed("step")?.keys("step")?, needed("latent")?);
+    let (episode, step, latent) =
+        (needed("episode")?.keys("episode")?, needed("step")?.keys("step")?, needed("latent")?);
     let rows = episode.len();
     let (latent_rows, dims) = latent.size();
     if step.len() != rows || latent_rows != rows {
@@ -118,7 +125,9 @@ impl<'a> Array<'a> {
                 b.iter().rev().fold(fill, |v, &x| v << 8 | i64::from(x)) as f64
             }
         };
-        let part = |element: &'a [u8]| element[field.offset..field.offset + field.bytes * field.count].chunks_exact(field.bytes);
+        let part = |element: &'a [u8]| {
+            element[field.offset..field.offset + field.bytes * field.count].chunks_exact(field.bytes)
+        };
         self.data.chunks_exact(element).flat_map(part).map(number).collect()
     }
 
@@ -127,7 +136,13 @@ impl<'a> Array<'a> {
         if self.fields[0].kind == 'f' || self.size().1 != 1 {
             return Err(wrong(self.path, name, "floats, or several numbers a row", expected));
         }
-        let key = |v: f64| if (0.0..=f64::from(u32::MAX)).contains(&v) { Ok(v as u32) } else { Err(wrong(self.path, name, format!("it holds {v}"), expected)) };
+        let key = |v: f64| {
+            if (0.0..=f64::from(u32::MAX)).contains(&v) {
+                Ok(v as u32)
+            } else {
+                Err(wrong(self.path, name, format!("it holds {v}"), expected))
+            }
+        };
         self.numbers().into_iter().map(key).collect()
     }
 }
@@ -148,9 +163,12 @@ fn parse<'a>(bytes: &'a [u8], path: &'a Path) -> Result<Array<'a>, InputError> {
     if header.contains("'fortran_order': True") {
         return Err(fault("an array in Fortran order (save np.ascontiguousarray(latent))"));
     }
-    let shape_text = after(header, "'shape':").and_then(|t| between(t, '(', ')')).ok_or_else(|| fault("an npy file without a shape"))?;
+    let shape_text = after(header, "'shape':")
+        .and_then(|t| between(t, '(', ')'))
+        .ok_or_else(|| fault("an npy file without a shape"))?;
     let shape: Vec<usize> = shape_text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
-    let fields = fields(header).ok_or_else(|| fault("an npy file of numbers that are not little-endian float32, float64 or integers"))?;
+    let fields = fields(header)
+        .ok_or_else(|| fault("an npy file of numbers that are not little-endian float32, float64 or integers"))?;
     let element: usize = fields.iter().map(|f| f.bytes * f.count).sum();
     let expected = shape.iter().try_fold(element, |a, &b| a.checked_mul(b));
     if expected != Some(data.len()) || element == 0 {
@@ -181,7 +199,9 @@ fn fields(header: &str) -> Option<Vec<Field>> {
         let mut words = part.split('\'');
         let (name, kind) = (words.next()?, words.nth(1)?);
         let count = words.next().and_then(|rest| between(rest, '(', ')')).map_or(Some(1), |dims| {
-            dims.split(',').filter(|n| !n.trim().is_empty()).try_fold(1usize, |a, n| a.checked_mul(n.trim().parse().ok()?))
+            dims.split(',')
+                .filter(|n| !n.trim().is_empty())
+                .try_fold(1usize, |a, n| a.checked_mul(n.trim().parse().ok()?))
         })?;
         let offset = fields.last().map_or(0, |f| f.offset + f.bytes * f.count);
         fields.push(field(name, kind, count, offset)?);
@@ -199,12 +219,17 @@ fn field(name: &str, descr: &str, count: usize, offset: usize) -> Option<Field> 
 
 /// The stored members of a zip file, by its central directory.
 fn unzip<'a>(bytes: &'a [u8], path: &Path) -> Result<Vec<(String, &'a [u8])>, InputError> {
-    members(bytes).ok_or_else(|| broken(path, "a damaged or compressed npz file (write it with np.savez, not np.savez_compressed)"))
+    members(bytes).ok_or_else(|| {
+        broken(path, "a damaged or compressed npz file (write it with np.savez, not np.savez_compressed)")
+    })
 }
 
 fn members(bytes: &[u8]) -> Option<Vec<(String, &[u8])>> {
-    let int = |at: usize, n: usize| Some(bytes.get(at..at.checked_add(n)?)?.iter().rev().fold(0usize, |v, &b| v << 8 | usize::from(b)));
-    let end = (0..bytes.len().saturating_sub(21)).rev().take(66_000).find(|&i| bytes[i..].starts_with(b"PK\x05\x06"))?;
+    let int = |at: usize, n: usize| {
+        Some(bytes.get(at..at.checked_add(n)?)?.iter().rev().fold(0usize, |v, &b| v << 8 | usize::from(b)))
+    };
+    let end =
+        (0..bytes.len().saturating_sub(21)).rev().take(66_000).find(|&i| bytes[i..].starts_with(b"PK\x05\x06"))?;
     let (count, mut at) = (int(end + 10, 2)?, int(end + 16, 4)?);
     let mut found = Vec::new();
     for _ in 0..count {
@@ -215,7 +240,8 @@ fn members(bytes: &[u8]) -> Option<Vec<(String, &[u8])>> {
         let (size, header) = (int(at + 24, 4)?, int(at + 42, 4)?);
         let size = if size == 0xFFFF_FFFF { int(at + 46 + name + 4, 8)? } else { size };
         let text = String::from_utf8(bytes.get(at + 46..at + 46 + name)?.to_vec()).ok()?;
-        let data = header.checked_add(30)?.checked_add(int(header.checked_add(26)?, 2)? + int(header.checked_add(28)?, 2)?)?;
+        let data =
+            header.checked_add(30)?.checked_add(int(header.checked_add(26)?, 2)? + int(header.checked_add(28)?, 2)?)?;
         found.push((text, bytes.get(data..data.checked_add(size)?)?));
         at = at.checked_add(46 + name + extra + comment)?;
     }

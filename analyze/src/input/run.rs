@@ -40,10 +40,15 @@ impl Run {
     pub fn read(path: &Path) -> Result<Self, InputError> {
         let text = match std::fs::read_to_string(path.join("metrics.jsonl")) {
             Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Err(InputError::NoRun { path: path.into() }),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                return Err(InputError::NoRun { path: path.into() });
+            }
             Err(error) => return Err(InputError::io(&path.join("metrics.jsonl"))(error)),
         };
-        let info = std::fs::read(path.join("run.json")).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or(Value::Null);
+        let info = std::fs::read(path.join("run.json"))
+            .ok()
+            .and_then(|text| serde_json::from_slice(&text).ok())
+            .unwrap_or(Value::Null);
         let whole = std::path::absolute(path).unwrap_or_else(|_e| path.to_path_buf());
         let name = whole.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
         let (mut series, mut broken_lines, mut clock): (BTreeMap<String, Series>, _, _) = (BTreeMap::new(), 0, None);
@@ -96,7 +101,8 @@ mod tests {
     #[test]
     fn a_killed_runs_last_line_is_counted_not_fatal() {
         let dir = tempfile::tempdir().expect("folder");
-        let text = "{\"update\":10,\"loss\":2.5,\"gap\":null}\n{\"update\":20,\"loss\":1.5,\"gap\":0.5}\n{\"update\":30,\"lo";
+        let text =
+            "{\"update\":10,\"loss\":2.5,\"gap\":null}\n{\"update\":20,\"loss\":1.5,\"gap\":0.5}\n{\"update\":30,\"lo";
         std::fs::write(dir.path().join("metrics.jsonl"), text).expect("file");
         std::fs::write(dir.path().join("run.json"), r#"{"options":{"model":{"objective":"vibes"}}}"#).expect("file");
         let run = Run::read(dir.path()).expect("run");

@@ -51,8 +51,10 @@ impl MapTable {
         let mut map = Self { episode: Vec::new(), step: Vec::new(), positions: Vec::new(), recipe, quality };
         for batch in reader {
             let batch = batch.ok()?;
-            let keys = |name: &str| Some(batch.column_by_name(name)?.as_primitive_opt::<UInt32Type>()?.values().to_vec());
-            let axis = |name: &str| Some(batch.column_by_name(name)?.as_primitive_opt::<Float32Type>()?.values().to_vec());
+            let keys =
+                |name: &str| Some(batch.column_by_name(name)?.as_primitive_opt::<UInt32Type>()?.values().to_vec());
+            let axis =
+                |name: &str| Some(batch.column_by_name(name)?.as_primitive_opt::<Float32Type>()?.values().to_vec());
             map.episode.extend(keys("episode")?);
             map.step.extend(keys("step")?);
             map.positions.extend(axis("x")?.into_iter().zip(axis("y")?).map(|(x, y)| [x, y]));

@@ -37,7 +37,11 @@ impl Column {
 ///
 /// # Errors
 /// [`vibes_data::Error`]: the file cannot be written, or the columns differ in length.
-pub fn write_table(path: &Path, columns: &[(&str, Column)], metadata: &[(&str, String)]) -> Result<(), vibes_data::Error> {
+pub fn write_table(
+    path: &Path,
+    columns: &[(&str, Column)],
+    metadata: &[(&str, String)],
+) -> Result<(), vibes_data::Error> {
     let bytes = encode(columns, metadata).map_err(|error| vibes_data::Error::Malformed {
         fact: error.to_string(),
         expected: "columns of one length".into(),
@@ -48,7 +52,11 @@ pub fn write_table(path: &Path, columns: &[(&str, Column)], metadata: &[(&str, S
 
 fn encode(columns: &[(&str, Column)], metadata: &[(&str, String)]) -> Result<Vec<u8>, ArrowError> {
     let arrays: Vec<ArrayRef> = columns.iter().map(|(_, column)| column.array()).collect();
-    let fields: Vec<Field> = columns.iter().zip(&arrays).map(|((name, _), array)| Field::new(*name, array.data_type().clone(), false)).collect();
+    let fields: Vec<Field> = columns
+        .iter()
+        .zip(&arrays)
+        .map(|((name, _), array)| Field::new(*name, array.data_type().clone(), false))
+        .collect();
     let metadata: HashMap<String, String> = metadata.iter().map(|(k, v)| ((*k).to_string(), v.clone())).collect();
     let schema = Arc::new(Schema::new(fields).with_metadata(metadata));
     let mut writer = FileWriter::try_new(Vec::new(), &schema)?;

@@ -52,7 +52,9 @@ impl Scale {
 fn step(range: f64, count: usize) -> f64 {
     let rough = range / count.max(1) as f64;
     let power = 10f64.powf(rough.log10().floor());
-    let times = [1.0, 2.0, 5.0, 10.0].into_iter().min_by(|a, b| (a - rough / power).abs().total_cmp(&(b - rough / power).abs()));
+    let times = [1.0, 2.0, 5.0, 10.0]
+        .into_iter()
+        .min_by(|a, b| (a - rough / power).abs().total_cmp(&(b - rough / power).abs()));
     power * times.unwrap_or(1.0)
 }
 
@@ -66,7 +68,9 @@ pub fn labels(ticks: &[f64]) -> Vec<String> {
         _ => (1.0, ""),
     };
     let spacing = ticks.windows(2).map(|w| (w[1] - w[0]).abs()).fold(largest.max(1e-12), f64::min) / unit;
-    let decimals = (0..=6).find(|&d| ((spacing * 10f64.powi(d)).round() - spacing * 10f64.powi(d)).abs() < 1e-6).unwrap_or(6) as usize;
+    let decimals = (0..=6)
+        .find(|&d| ((spacing * 10f64.powi(d)).round() - spacing * 10f64.powi(d)).abs() < 1e-6)
+        .unwrap_or(6) as usize;
     ticks
         .iter()
         .map(|&t| {

@@ -86,15 +86,15 @@ mod tests {
     fn viridis_agrees_with_the_published_table_at_its_ends_and_middle() {
         for (t, want) in [(0.0, [68, 1, 84]), (0.5, [33, 145, 140]), (1.0, [253, 231, 37])] {
             let got = viridis(t).rgb;
-            for c in 0..3 {
-                assert!(got[c].abs_diff(want[c]) <= 4, "{t}: {got:?} vs {want:?}");
-            }
+            assert!(got.iter().zip(want).all(|(&g, w)| g.abs_diff(w) <= 4), "{t}: {got:?} vs {want:?}");
         }
     }
 
     #[test]
     fn viridis_grows_lighter_all_the_way() {
-        let light = |t: f64| viridis(t).rgb.iter().map(|&v| f64::from(v)).zip([0.2126, 0.7152, 0.0722]).map(|(v, w)| v * w).sum::<f64>();
+        let light = |t: f64| {
+            viridis(t).rgb.iter().map(|&v| f64::from(v)).zip([0.2126, 0.7152, 0.0722]).map(|(v, w)| v * w).sum::<f64>()
+        };
         for i in 0..64 {
             assert!(light(f64::from(i + 1) / 64.0) >= light(f64::from(i) / 64.0));
         }

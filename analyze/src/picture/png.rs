@@ -17,7 +17,8 @@ pub const DPI: f64 = 300.0;
 #[must_use]
 pub fn rasterize(picture: &Picture, dpi: f64) -> Option<Pixels> {
     let scale = dpi / 72.0;
-    let size = |points: f64| Some((points * scale).round()).filter(|&v| (1.0..=16_384.0).contains(&v)).map(|v| v as u32);
+    let size =
+        |points: f64| Some((points * scale).round()).filter(|&v| (1.0..=16_384.0).contains(&v)).map(|v| v as u32);
     let (width, height) = (size(picture.width)?, size(picture.height)?);
     let mut map = Pixmap::new(width, height)?;
     map.fill(tiny_skia::Color::WHITE);
@@ -115,7 +116,9 @@ fn dots(map: &mut Pixmap, origin: Point, centers: &[Point], radius: f64, color: 
 
 fn image(map: &mut Pixmap, pixels: &Pixels, rect: Rect, to_pixels: Transform) {
     let rgba: Vec<u8> = pixels.rgb.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
-    let Some(source) = tiny_skia::IntSize::from_wh(pixels.width, pixels.height).and_then(|size| Pixmap::from_vec(rgba, size)) else {
+    let Some(source) =
+        tiny_skia::IntSize::from_wh(pixels.width, pixels.height).and_then(|size| Pixmap::from_vec(rgba, size))
+    else {
         return;
     };
     let (sx, sy) = (rect.w / f64::from(pixels.width), rect.h / f64::from(pixels.height));

@@ -67,7 +67,10 @@ impl Writer {
                 let id = self.image(pixels);
                 let (sx, sy) = (rect.w / f64::from(pixels.width.max(1)), rect.h / f64::from(pixels.height.max(1)));
                 let (x, y) = (number(rect.x), number(rect.y));
-                let _ = writeln!(self.body, "<use xlink:href=\"#i{id}\" transform=\"translate({x} {y}) scale({sx:.5} {sy:.5})\"/>");
+                let _ = writeln!(
+                    self.body,
+                    "<use xlink:href=\"#i{id}\" transform=\"translate({x} {y}) scale({sx:.5} {sy:.5})\"/>"
+                );
             }
             Shape::Text { at, text, style } => self.text(*at, text, style),
         }
@@ -130,7 +133,8 @@ impl Writer {
         let (x, y, size) = (number(at.0), number(at.1), number(style.size));
         let label = escape(text);
         let fill = fill(style.color);
-        let _ = write!(self.body, "<g aria-label=\"{label}\" transform=\"translate({x} {y}){turn} scale({size})\"{fill}>");
+        let _ =
+            write!(self.body, "<g aria-label=\"{label}\" transform=\"translate({x} {y}){turn} scale({size})\"{fill}>");
         for letter in letters {
             if let Some(id) = self.glyph(letter.glyph, style.weight) {
                 let _ = write!(self.body, "<use xlink:href=\"#g{id}\" x=\"{:.3}\"/>", start + letter.x);

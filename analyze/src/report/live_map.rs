@@ -70,7 +70,11 @@ impl LiveMap {
         );
         for sheet in self.frames.chunks(SHEET * SHEET) {
             let jpeg = sprite_sheet(sheet);
-            let _ = writeln!(body, "<img hidden class=\"sheet\" alt=\"\" src=\"data:image/jpeg;base64,{}\">", STANDARD.encode(jpeg));
+            let _ = writeln!(
+                body,
+                "<img hidden class=\"sheet\" alt=\"\" src=\"data:image/jpeg;base64,{}\">",
+                STANDARD.encode(jpeg)
+            );
         }
         let _ = writeln!(body, "<script type=\"application/json\">{data}</script></div>");
     }

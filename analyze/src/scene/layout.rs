@@ -2,13 +2,15 @@
 
 use rerun::blueprint::components::PanelState;
 use rerun::blueprint::{
-    BarChartView, Blueprint, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel, Spatial2DView, TextDocumentView, TimePanel, TimeSeriesView, Vertical,
+    BarChartView, Blueprint, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel, Spatial2DView,
+    TextDocumentView, TimePanel, TimeSeriesView, Vertical,
 };
 
 use super::{Scene, TIMELINE};
 
 pub(super) fn blueprint(scene: &Scene<'_>) -> Blueprint {
-    let map: ContainerLike = Spatial2DView::new("map: current row, its neighbours, its episode").with_origin("map").into();
+    let map: ContainerLike =
+        Spatial2DView::new("map: current row, its neighbours, its episode").with_origin("map").into();
     let latent: ContainerLike = BarChartView::new("latent").with_origin("latent").into();
     let about: ContainerLike = TextDocumentView::new("row").with_origin("about").into();
     let pictures = scene.frames.is_some_and(|f| f.recording().manifest().spec.pixels.is_some());
@@ -17,7 +19,9 @@ pub(super) fn blueprint(scene: &Scene<'_>) -> Blueprint {
     let mut shares = vec![3.0];
     if pictures {
         above.insert(0, Spatial2DView::new("frame").with_origin("frame").into());
-        let neighbour = |rank: usize| Spatial2DView::new(format!("neighbour {rank}")).with_origin(format!("neighbours/{rank}")).into();
+        let neighbour = |rank: usize| {
+            Spatial2DView::new(format!("neighbour {rank}")).with_origin(format!("neighbours/{rank}")).into()
+        };
         rows.push(Horizontal::new((1..=scene.neighbours.k()).map(neighbour).collect::<Vec<_>>()).into());
         shares.push(1.6);
     }

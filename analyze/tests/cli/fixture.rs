@@ -6,43 +6,53 @@
 use std::path::{Path, PathBuf};
 
 use vibes_data::{
-    ActionSpec, BackgroundFrame, CameraPose, Cell, EpisodeBuilder, EpisodeInfo, FORMAT, Frame, Grid, ImageSize, Latents, LatentsSource, Manifest,
-    ObservationPart, RecordingWriter, Spec, Video,
+    ActionSpec, BackgroundFrame, CameraPose, Cell, EpisodeBuilder, EpisodeInfo, FORMAT, Frame, Grid, ImageSize,
+    Latents, LatentsSource, Manifest, ObservationPart, RecordingWriter, Spec, Video,
 };
 
-pub const SIDE: u32 = 24;
+pub(crate) const SIDE: u32 = 24;
 
 /// A folder with `recordings/discs` and `runs/discs/latents.arrow`.
-pub struct Fixture {
-    dir: tempfile::TempDir,
+pub(crate) struct Fixture {
+    path: PathBuf,
+    /// Removed with the fixture; none for a folder that stays.
+    _dir: Option<tempfile::TempDir>,
 }
 
 impl Fixture {
     /// A grid of `states` × `distractors` episodes of `steps` actions.
-    pub fn grid(states: u32, distractors: u32, steps: u32) -> Self {
+    pub(crate) fn grid(states: u32, distractors: u32, steps: u32) -> Self {
         let dir = tempfile::tempdir().expect("temporary folder");
-        let cells: Vec<Cell> = (0..states * distractors).map(|i| Cell { state: i / distractors, distractor: i % distractors }).collect();
-        write_recording(&dir.path().join("recordings/discs"), &cells, steps, Some(Grid { states, distractors }));
-        latents(&cells, steps).write(&dir.path().join("runs/discs/latents.arrow")).expect("latents");
-        write_run(&dir.path().join("runs/discs"), 0.0);
-        Self { dir }
+        let path = dir.path().to_path_buf();
+        Self { _dir: Some(dir), ..Self::fill(path, states, distractors, steps) }
     }
 
-    pub fn path(&self) -> &Path {
-        self.dir.path()
+    /// The same in a folder that is made anew and stays.
+    pub(crate) fn at(path: PathBuf, states: u32, distractors: u32, steps: u32) -> Self {
+        let _ = std::fs::remove_dir_all(&path);
+        Self::fill(path, states, distractors, steps)
     }
 
-    pub fn latents(&self) -> PathBuf {
+    fn fill(path: PathBuf, states: u32, distractors: u32, steps: u32) -> Self {
+        let cells: Vec<Cell> =
+            (0..states * distractors).map(|i| Cell { state: i / distractors, distractor: i % distractors }).collect();
+        write_recording(&path.join("recordings/discs"), &cells, steps, Some(Grid { states, distractors }));
+        latents(&cells, steps).write(&path.join("runs/discs/latents.arrow")).expect("latents");
+        write_run(&path.join("runs/discs"), 0.0);
+        Self { path, _dir: None }
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(crate) fn latents(&self) -> PathBuf {
         self.path().join("runs/discs/latents.arrow")
-    }
-
-    pub fn figures(&self) -> PathBuf {
-        self.path().join("runs/discs/figures")
     }
 }
 
 /// A pseudo-random number in 0..1 from a counter.
-pub fn noise(i: u32) -> f32 {
+pub(crate) fn noise(i: u32) -> f32 {
     let x = i.wrapping_mul(2_654_435_761) ^ 0x9E37_79B9;
     let x = (x ^ (x >> 15)).wrapping_mul(0x85EB_CA6B);
     ((x ^ (x >> 13)) & 0xFFFF) as f32 / 65_536.0
@@ -62,7 +72,11 @@ fn frame(cell: Cell, step: u32) -> Frame {
     let tint = [60 * (cell.distractor as u8 % 4), 80, 200 - 40 * (cell.distractor as u8 % 5)];
     let pixel = |i: u32| {
         let (px, py) = ((i % SIDE) as f32, (i / SIDE) as f32);
-        if (px - cx).powi(2) + (py - cy).powi(2) < 12.0 { [240, 220, 60] } else { tint.map(|t| t.wrapping_add((py * 2.0) as u8)) }
+        if (px - cx).powi(2) + (py - cy).powi(2) < 12.0 {
+            [240, 220, 60]
+        } else {
+            tint.map(|t| t.wrapping_add((py * 2.0) as u8))
+        }
     };
     let wave = (step as f64 * 0.1 + f64::from(cell.distractor)).sin();
     Frame {
@@ -76,13 +90,16 @@ fn frame(cell: Cell, step: u32) -> Frame {
     }
 }
 
-pub fn write_recording(path: &Path, cells: &[Cell], steps: u32, grid: Option<Grid>) {
+pub(crate) fn write_recording(path: &Path, cells: &[Cell], steps: u32, grid: Option<Grid>) {
     let manifest = Manifest {
         format: FORMAT.into(),
         spec: Spec {
             task: "reacher-easy".into(),
             action: ActionSpec { min: vec![-1.0, -1.0], max: vec![1.0, 1.0] },
-            observation: vec![ObservationPart { name: "position".into(), len: 2 }, ObservationPart { name: "unseen".into(), len: 1 }],
+            observation: vec![
+                ObservationPart { name: "position".into(), len: 2 },
+                ObservationPart { name: "unseen".into(), len: 1 },
+            ],
             qpos: 2,
             qvel: 2,
             pixels: Some(ImageSize { height: SIDE, width: SIDE }),
@@ -104,14 +121,19 @@ pub fn write_recording(path: &Path, cells: &[Cell], steps: u32, grid: Option<Gri
             let action = [noise(cell.state * 7919 + t) * 2.0 - 1.0, noise(cell.state * 104_729 + t) * 2.0 - 1.0];
             episode.step(&action, reward(cell, t), 1.0, frame(cell, t + 1));
         }
-        writer.write(&episode.finish(false), EpisodeInfo { policy: "random".into(), ..EpisodeInfo::default() }).expect("episode");
+        writer
+            .write(&episode.finish(false), EpisodeInfo { policy: "random".into(), ..EpisodeInfo::default() })
+            .expect("episode");
     }
     writer.finish().expect("recording");
 }
 
-pub fn latents(cells: &[Cell], steps: u32) -> Latents {
+pub(crate) fn latents(cells: &[Cell], steps: u32) -> Latents {
     let mut l = Latents { dims: 5, ..Latents::default() };
-    l.source = LatentsSource { recording: Some("recordings/discs".into()), checkpoint: Some("runs/discs/checkpoints/000100".into()) };
+    l.source = LatentsSource {
+        recording: Some("recordings/discs".into()),
+        checkpoint: Some("runs/discs/checkpoints/000100".into()),
+    };
     for (index, &cell) in cells.iter().enumerate() {
         for step in 0..=steps {
             let (y, x) = angle(cell, step).sin_cos();
@@ -121,14 +143,20 @@ pub fn latents(cells: &[Cell], steps: u32) -> Latents {
             l.distractor.push(Some(cell.distractor));
             l.reward.push((step < steps).then(|| reward(cell, step)));
             let n = |k: u32| 0.02 * (noise(index as u32 * 100_003 + step * 17 + k) - 0.5);
-            l.latent.extend([x + n(0), y + n(1), 0.1 * (cell.distractor as f32).sin() + n(2), 0.3 * step as f32 / steps as f32 + n(3), 0.7]);
+            l.latent.extend([
+                x + n(0),
+                y + n(1),
+                0.1 * (cell.distractor as f32).sin() + n(2),
+                0.3 * step as f32 / steps as f32 + n(3),
+                0.7,
+            ]);
         }
     }
     l
 }
 
 /// A run folder with metrics.
-pub fn write_run(path: &Path, shift: f64) {
+pub(crate) fn write_run(path: &Path, shift: f64) {
     std::fs::create_dir_all(path).expect("run");
     let line = |i: u32| {
         let x = f64::from(i);
@@ -141,5 +169,6 @@ pub fn write_run(path: &Path, shift: f64) {
         )
     };
     std::fs::write(path.join("metrics.jsonl"), (1..=30).map(line).collect::<String>()).expect("metrics");
-    std::fs::write(path.join("run.json"), r#"{"format":"vibes-run/1","options":{"objective":"vibes"}}"#).expect("run.json");
+    std::fs::write(path.join("run.json"), r#"{"format":"vibes-run/1","options":{"objective":"vibes"}}"#)
+        .expect("run.json");
 }

@@ -1,0 +1,62 @@
+"""Writes the four notebooks from the cells below, so that they can be read and reviewed as text: python notebooks/make.py"""
+import json
+from pathlib import Path
+
+HERE = Path(__file__).parent
+FIND = '''from pathlib import Path
+import os
+recording = Path(os.environ.get("VIBES_RECORDING", "../data/sample"))'''
+
+NOTEBOOKS = {
+    "01-read-a-recording": [
+        "# Read a recording\nA recording is a folder of plain Arrow and MCAP files; `data/README.md` is its specification.",
+        FIND + "\nsorted(p.name for p in recording.iterdir())",
+        "import json\nmanifest = json.loads((recording / 'manifest.json').read_text())\nmanifest['spec']['task'], manifest['grid'], len(manifest['episodes'])",
+        "All episodes as one table. Row t holds the observation, the action taken there, and the reward that action earned; the last row has none.",
+        "import polars as pl\nsteps = pl.scan_ipc(str(recording / 'episodes' / '*.arrow'))\nsteps.group_by('episode').agg(pl.len().alias('rows'), pl.col('reward').sum().alias('return')).sort('episode').collect()",
+        "One picture. Its size is in the field's metadata.",
+        "import numpy as np\nimport pyarrow as pa\nfirst = sorted((recording / 'episodes').glob('*.arrow'))[0]\ntable = pa.ipc.open_file(first).read_all()\nsize = {k.decode(): int(v) for k, v in table.schema.field('pixels').metadata.items()}\npixels = np.frombuffer(table['pixels'][0].as_py(), np.uint8).reshape(size['height'], size['width'], 3)\npixels.shape, pixels.mean()",
+        "The same episode as messages, for Foxglove and Rerun.",
+        "from mcap.reader import make_reader\nlog = first.with_suffix('.mcap')\nif log.exists():\n    with open(log, 'rb') as file:\n        summary = make_reader(file).get_summary()\n    print({c.topic: summary.statistics.channel_message_counts[i] for i, c in summary.channels.items()})",
+    ],
+    "02-look-at-latents": [
+        "# Look at latents\nA table of latents has a row key (`episode`, `step`), the cell of the grid, and one vector a row. Here are latents without a model: the task's own observation.",
+        FIND + "\nimport polars as pl, numpy as np\nsteps = pl.scan_ipc(str(recording / 'episodes' / '*.arrow'))\nrows = steps.select('episode', 'step', 'state', 'distractor', 'reward', 'observation').collect()\nlatents = rows.rename({'observation': 'latent'})\nlatents.head(3)",
+        "How much do its dimensions vary?",
+        "z = latents['latent'].to_numpy().astype(np.float64)\nz.shape, z.std(axis=0).round(3)",
+        "The five nearest rows of other episodes in standardized L2, as `vibes-analyze nn` finds them.",
+        "scaled = z / np.where(z.std(axis=0) > 0, z.std(axis=0), 1)\nquery = 7\ndistance = np.linalg.norm(scaled - scaled[query], axis=1)\ndistance[latents['episode'] == latents['episode'][query]] = np.inf\nnear = np.argsort(distance, kind='stable')[:5]\nlatents[near].select('episode', 'step').with_columns(distance=pl.Series(distance[near]))",
+    ],
+    "03-reproduce-figure-4": [
+        "# Reproduce Figure 4\nThree commands and their pictures. The latents here are the task's observation; put those of your run in their place.",
+        FIND + "\nimport subprocess, tempfile, shutil\nimport polars as pl\nwork = Path(tempfile.mkdtemp())\nsteps = pl.scan_ipc(str(recording / 'episodes' / '*.arrow'))\nrows = steps.select('episode', 'step', 'state', 'distractor', 'reward', latent='observation').collect()\nrows.write_ipc(work / 'latents.arrow', compression='uncompressed')",
+        "def analyze(*words):\n    done = subprocess.run(['vibes-analyze', *words, '--latents', work / 'latents.arrow', '--recording', recording, '-o', work], capture_output=True, text=True)\n    assert done.returncode == 0, done.stderr\n    return done.stdout.splitlines()[0]\nanalyze('nn', '--queries', '6')",
+        "Figure 4b: each column a query on top and its nearest neighbours beneath.",
+        "from IPython.display import Image, display\ndisplay(Image(filename=work / 'neighbours.png', width=500))",
+        "Figure 4a: panels of one row share the state, panels of one column the distractor.",
+        "if rows['state'].null_count() == 0:\n    print(analyze('grid'))\n    display(Image(filename=work / 'grid.png', width=500))\nelse:\n    print(analyze('umap'))\n    display(Image(filename=work / 'map-by-time.png', width=500))",
+    ],
+    "04-bring-your-own-latents": [
+        "# Bring your own latents\nAny model will do: one vector a row, with the row's `episode` and `step`. Here a random projection of the pictures stands for the model.",
+        FIND + "\nimport subprocess, tempfile\nimport numpy as np, polars as pl\nrows = pl.scan_ipc(str(recording / 'episodes' / '*.arrow')).select('episode', 'step', 'state', 'distractor', 'reward', 'pixels').collect()\nframes = np.stack([np.frombuffer(p, np.uint8) for p in rows['pixels']]).astype(np.float32) / 255\nmodel = np.random.default_rng(0).normal(size=(frames.shape[1], 16)).astype(np.float32) / frames.shape[1] ** 0.5\nlatents = frames @ model\nlatents.shape",
+        "As Arrow, or as NumPy: both are read.",
+        "work = Path(tempfile.mkdtemp())\nrows.drop('pixels').with_columns(latent=pl.Series(latents.tolist())).write_ipc(work / 'latents.arrow', compression='uncompressed')\nnp.savez(work / 'latents.npz', episode=rows['episode'].to_numpy(), step=rows['step'].to_numpy(), latent=latents)",
+        "import json\nfor name in ['latents.arrow', 'latents.npz']:\n    done = subprocess.run(['vibes-analyze', 'nn', '--queries', '4', '--json', '--quiet', '--latents', work / name, '--recording', recording, '-o', work / name[8:]], capture_output=True, text=True)\n    assert done.returncode == 0, done.stderr\n    print(name, json.loads(done.stdout)['state_error'])",
+    ],
+}
+
+
+def cell(text, number):
+    code = not (text.startswith("# ") or text[0].isupper() and "=" not in text and "import" not in text)
+    fields = {"cell_type": "code" if code else "markdown", "id": f"cell-{number}", "metadata": {}, "source": text.splitlines(keepends=True)}
+    return fields | ({"execution_count": None, "outputs": []} if code else {})
+
+
+for name, cells in NOTEBOOKS.items():
+    notebook = {
+        "cells": [cell(text, i) for i, text in enumerate(cells)],
+        "metadata": {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}, "language_info": {"name": "python"}},
+        "nbformat": 4,
+        "nbformat_minor": 5,
+    }
+    (HERE / f"{name}.ipynb").write_text(json.dumps(notebook, indent=1, ensure_ascii=False) + "\n")
