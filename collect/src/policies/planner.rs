@@ -1,8 +1,11 @@
 //! The planner: predictive sampling on the true simulator with the task's own reward, which needs no training and works on every task.
 //!
-//! At every agent step it takes the last plan, shifted by a step, and random variations of it, rolls each through the simulator from the present
-//! state, and executes the first action of the best (Howell et al. 2022, "Predictive Sampling"). A plan is a spline through a few knots, so
-//! that samples are smooth enough to move a body somewhere.
+//! At every agent step it takes the best plans of the last step, a step further on, and random variations of them and of nothing, rolls each
+//! through the simulator from the present state, and executes the first action of the best (after Howell et al. 2022, "Predictive Sampling").
+//! Variations are straight lines through a few random knots, so that they are smooth enough to move a body somewhere.
+//!
+//! Where this departs from the paper: a plan is its actions, not the spline's knots, so that a good plan stays what it is while time moves under
+//! it; variations come in all sizes; and several plans are kept, since a sparse reward says little about which of them is on the way.
 
 use rand::{Rng, RngCore};
 
@@ -15,33 +18,45 @@ use crate::{Environment, EnvironmentOptions, Result, Start};
 pub struct PlannerSettings {
     /// Agent steps a plan covers.
     pub horizon: usize,
-    /// Knots of a plan's spline, evenly spaced over the horizon.
+    /// Knots of a variation, evenly spaced over the horizon; at least 2.
     pub knots: usize,
-    /// Plans tried at every agent step, the last step's among them.
+    /// Plans tried at every agent step, the kept ones among them.
     pub samples: usize,
-    /// Standard deviation of a variation's knots, as a share of half the action range.
-    pub spread: f64,
-    /// Share of the samples that are drawn anew around zero instead of around the last plan, so that no habit lasts for ever.
+    /// Plans kept for the next agent step.
+    pub kept: usize,
+    /// Share of the samples that vary no plan but the middle of the action bounds, so that no habit lasts for ever.
     pub fresh: f64,
 }
 
 impl PlannerSettings {
     /// Settings that were found to work for a task; others get those of `walker-walk`.
     pub fn for_task(task: &str) -> Self {
-        let settings = |horizon, knots, samples, spread, fresh| Self { horizon, knots, samples, spread, fresh };
+        let settings = |horizon, knots, samples, kept, fresh| Self { horizon, knots, samples, kept, fresh };
         match task {
-            "ball_in_cup-catch" => settings(12, 5, 24, 0.5, 0.25),
-            "cartpole-swingup" => settings(20, 6, 32, 0.5, 0.25),
-            "cheetah-run" => settings(15, 5, 40, 0.4, 0.1),
-            "finger-spin" => settings(16, 6, 24, 0.5, 0.2),
-            "reacher-easy" => settings(15, 5, 32, 0.4, 0.25),
-            _ => settings(16, 5, 24, 0.4, 0.1),
+            "ball_in_cup-catch" => settings(12, 5, 64, 1, 0.25),
+            "cartpole-swingup" => settings(16, 5, 48, 1, 0.25),
+            "cheetah-run" => settings(15, 5, 40, 1, 0.1),
+            "finger-spin" => settings(10, 10, 800, 8, 0.4),
+            "reacher-easy" => settings(15, 5, 32, 1, 0.25),
+            _ => settings(16, 5, 24, 1, 0.1),
         }
     }
 }
 
-/// The finest variations are this share of the coarsest; finding a way needs coarse ones, keeping still in a goal fine ones.
+/// The widest variation has this standard deviation, as a share of half the action range, and the finest this share of the widest: finding a way
+/// needs wide ones, keeping still in a goal fine ones.
+const WIDEST: f64 = 1.0;
 const FINEST: f64 = 1.0 / 30.0;
+
+/// Actions over the horizon `[horizon, action]`, in the action's bounds.
+type Actions = Vec<Vec<f64>>;
+
+/// A plan and the rewards it earns from the state it was made for.
+#[derive(Clone, Debug)]
+struct Plan {
+    value: f64,
+    actions: Actions,
+}
 
 /// A planner with its own simulation of the task.
 #[derive(Debug)]
@@ -50,8 +65,8 @@ pub struct Planner {
     noise: f64,
     simulation: Environment,
     now: Snapshot,
-    /// The last plan `[horizon, action]`, in the action's bounds.
-    plan: Vec<Vec<f64>>,
+    /// The best plans of the last agent step, best first.
+    plans: Vec<Plan>,
     /// The middle of the action's bounds and half their width.
     middle: Vec<f64>,
     half: Vec<f64>,
@@ -65,48 +80,51 @@ impl Planner {
 
     /// The same with other settings.
     pub fn with_settings(simulation: Environment, settings: PlannerSettings, noise: f64) -> Self {
+        let bounds = simulation.action_spec();
+        let pairs = || bounds.min.iter().zip(&bounds.max);
         Self {
             settings,
             noise,
             simulation,
             now: Snapshot::default(),
-            plan: Vec::new(),
-            middle: Vec::new(),
-            half: Vec::new(),
+            plans: Vec::new(),
+            middle: pairs().map(|(low, high)| f64::midpoint(*low, *high)).collect(),
+            half: pairs().map(|(low, high)| (high - low) / 2.0).collect(),
         }
     }
 
-    /// Forgets the last plan and takes over an episode's model.
+    /// Forgets the last plans and takes over an episode's model.
     pub fn begin(&mut self, start: &Start) -> Result<()> {
         self.simulation.reset_to(start)?;
-        let bounds = self.simulation.action_spec();
-        self.middle = bounds.min.iter().zip(&bounds.max).map(|(low, high)| f64::midpoint(*low, *high)).collect();
-        self.half = bounds.min.iter().zip(&bounds.max).map(|(low, high)| (high - low) / 2.0).collect();
-        self.plan = vec![self.middle.clone(); self.settings.horizon];
+        self.plans = vec![Plan { value: 0.0, actions: self.rest() }];
         Ok(())
     }
 
     /// Plans from the environment's present state and returns the action to execute.
     pub fn act(&mut self, environment: &Environment, rng: &mut impl RngCore) -> Vec<f64> {
         environment.save(&mut self.now);
-        let mut best = self.shifted();
-        let mut best_value = self.value(&best);
-        let last = best.clone();
-        for sample in 1..self.settings.samples {
-            let is_fresh = (sample as f64) < self.settings.fresh * self.settings.samples as f64;
-            let plan = if is_fresh {
-                self.variation(&vec![self.middle.clone(); last.len()], 1.0, rng)
-            } else {
-                let spread = self.settings.spread * FINEST.powf(rng.random::<f64>());
-                self.variation(&last, spread, rng)
-            };
-            let value = self.value(&plan);
-            if value > best_value {
-                (best, best_value) = (plan, value);
-            }
+        let last = std::mem::take(&mut self.plans);
+        for plan in last {
+            self.consider(shifted(plan.actions));
         }
-        let mut action = best[0].clone();
-        self.plan = best;
+        let fresh = (self.settings.fresh * self.settings.samples as f64) as usize;
+        for sample in self.plans.len()..self.settings.samples {
+            let actions = if sample <= fresh {
+                self.variation(&self.rest(), WIDEST, rng)
+            } else {
+                // The best plan is varied most often.
+                let rank = (self.plans.len() as f64 * rng.random::<f64>().powi(2)) as usize;
+                let width = WIDEST * FINEST.powf(rng.random::<f64>());
+                self.variation(&self.plans[rank].actions, width, rng)
+            };
+            self.consider(actions);
+        }
+        self.executed(rng)
+    }
+
+    /// The best plan's first action, with the noise asked for.
+    fn executed(&self, rng: &mut impl RngCore) -> Vec<f64> {
+        let mut action = self.plans[0].actions[0].clone();
         if self.noise > 0.0 {
             for (number, half) in action.iter_mut().zip(&self.half) {
                 *number += self.noise * half * standard_normal(rng);
@@ -116,33 +134,56 @@ impl Planner {
         action
     }
 
-    /// The last plan from its second action on, held at its end.
-    fn shifted(&self) -> Vec<Vec<f64>> {
-        let mut plan = self.plan[1..].to_vec();
-        plan.push(self.plan[self.plan.len() - 1].clone());
-        plan
+    /// The plan of doing nothing.
+    fn rest(&self) -> Actions {
+        vec![self.middle.clone(); self.settings.horizon]
     }
 
-    /// A plan plus a smooth random change: normal numbers at the knots, straight lines between them.
-    fn variation(&self, plan: &[Vec<f64>], spread: f64, rng: &mut impl RngCore) -> Vec<Vec<f64>> {
-        let changes: Vec<Vec<f64>> = (0..self.settings.knots)
-            .map(|_| self.half.iter().map(|half| spread * half * standard_normal(rng)).collect())
-            .collect();
-        let last = changes.len() - 1;
-        let knots_per_step = last as f64 / (plan.len().max(2) - 1) as f64;
-        let vary = |(step, action): (usize, &Vec<f64>)| {
+    /// Tries a plan in the simulator and keeps it if it is among the best; of equals the earlier stays in front.
+    fn consider(&mut self, actions: Actions) {
+        // Plans without any reward say nothing; going on with another one comes by new places.
+        let is_lost = self.plans.first().is_some_and(|best| best.value <= 0.0);
+        let is_full = self.plans.len() >= self.settings.kept;
+        let to_beat = self.plans.last().filter(|_| is_full && !is_lost).map(|worst| worst.value);
+        let Some(value) = self.value(&actions, to_beat) else { return };
+        let rank = if is_lost { 0 } else { self.plans.partition_point(|plan| plan.value >= value) };
+        self.plans.insert(rank, Plan { value, actions });
+        self.plans.truncate(self.settings.kept);
+    }
+
+    /// The rewards a plan earns from the present state; nothing as soon as it is clear that they will not be more than `to_beat`, since no control
+    /// step gives more than 1. A plan that breaks the simulation earns what it got until then.
+    fn value(&mut self, actions: &Actions, to_beat: Option<f64>) -> Option<f64> {
+        self.simulation.restore(&self.now);
+        let mut value = 0.0;
+        for (step, action) in actions.iter().enumerate() {
+            let most = value + ((actions.len() - step) * self.simulation.action_repeat() as usize) as f64;
+            if to_beat.is_some_and(|to_beat| most <= to_beat) {
+                return None;
+            }
+            let Ok(reward) = self.simulation.step(action) else { break };
+            value += reward;
+        }
+        Some(value)
+    }
+
+    /// Actions plus a smooth random change: normal numbers at the knots, straight lines between them.
+    fn variation(&self, actions: &Actions, width: f64, rng: &mut impl RngCore) -> Actions {
+        let mut knot = |half: &f64| width * half * standard_normal(rng);
+        let knots: Actions = (0..self.settings.knots).map(|_| self.half.iter().map(&mut knot).collect()).collect();
+        let last = knots.len() - 1;
+        let knots_per_step = last as f64 / (actions.len().max(2) - 1) as f64;
+        let mut varied = actions.clone();
+        for (step, action) in varied.iter_mut().enumerate() {
             let place = step as f64 * knots_per_step;
             let left = (place as usize).min(last);
             let (right, share) = ((left + 1).min(last), place - left as f64);
-            let changed = action
-                .iter()
-                .enumerate()
-                .map(|(axis, number)| number + (1.0 - share) * changes[left][axis] + share * changes[right][axis]);
-            let mut changed: Vec<f64> = changed.collect();
-            self.clip(&mut changed);
-            changed
-        };
-        plan.iter().enumerate().map(vary).collect()
+            for (axis, number) in action.iter_mut().enumerate() {
+                *number += (1.0 - share) * knots[left][axis] + share * knots[right][axis];
+            }
+            self.clip(action);
+        }
+        varied
     }
 
     fn clip(&self, action: &mut [f64]) {
@@ -150,10 +191,13 @@ impl Planner {
             *number = number.clamp(middle - half, middle + half);
         }
     }
+}
 
-    /// The rewards a plan earns from the present state. A plan that breaks the simulation earns what it got until then.
-    fn value(&mut self, plan: &[Vec<f64>]) -> f64 {
-        self.simulation.restore(&self.now);
-        plan.iter().map_while(|action| self.simulation.step(action).ok()).sum()
+/// A plan's actions from the second on, held at their end.
+fn shifted(mut actions: Actions) -> Actions {
+    actions.rotate_left(1);
+    if let [.., end, first] = actions.as_mut_slice() {
+        first.clone_from(end);
     }
+    actions
 }

@@ -1,0 +1,255 @@
+//! Laws that hold for every registered task, so that a new task is tested without new tests.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::collections::HashSet;
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use vibes_collect::{
+    Environment, EnvironmentOptions, KNOWN_SLIDE, Policy, PolicySpec, Snapshot, StateTrajectory, known_reward, rollout,
+    task_names,
+};
+
+/// Every task, a short swimmer for `swimmer-N`, and the one that is for tests.
+fn tasks() -> Vec<&'static str> {
+    let listed = task_names().into_iter().map(|name| if name == "swimmer-N" { "swimmer-5" } else { name });
+    listed.chain([KNOWN_SLIDE]).collect()
+}
+
+fn environment(task: &str) -> Environment {
+    Environment::new(task, EnvironmentOptions::default()).unwrap()
+}
+
+fn random_rollout(task: &str, steps: u32, seed: u64) -> StateTrajectory {
+    let options = EnvironmentOptions::default();
+    let mut policy = Policy::new(&PolicySpec::Random, task, options).unwrap();
+    rollout(&mut environment(task), &mut policy, steps, seed).unwrap()
+}
+
+#[test]
+fn specs_are_sensible_and_observations_fit_them() {
+    for task in tasks() {
+        let environment = environment(task);
+        let parts = environment.observation_spec();
+        let names: HashSet<&str> = parts.iter().map(|part| part.name.as_str()).collect();
+        assert_eq!(names.len(), parts.len(), "{task}: two parts of one name");
+        let bounds = environment.action_spec();
+        assert_eq!(bounds.min.len(), environment.action_len(), "{task}");
+        assert!(
+            bounds.min.iter().zip(&bounds.max).all(|(low, high)| low.is_finite() && high.is_finite() && low < high)
+        );
+        let len: usize = parts.iter().map(|part| part.len).sum();
+        let trajectory = random_rollout(task, 3, 0);
+        assert!(trajectory.observations.iter().all(|observation| observation.len() == len), "{task}: {len} numbers");
+    }
+}
+
+#[test]
+fn action_repeats_and_episode_lengths_are_those_of_the_distracting_control_suite() {
+    let expected = [
+        ("ball_in_cup-catch", 4, 250, 0.02),
+        ("cartpole-swingup", 8, 125, 0.01),
+        ("cheetah-run", 4, 250, 0.01),
+        ("finger-spin", 2, 500, 0.02),
+        ("reacher-easy", 4, 250, 0.02),
+        ("walker-walk", 2, 500, 0.025),
+        ("swimmer-3", 10, 100, 0.03),
+    ];
+    for (task, action_repeat, steps, control_timestep) in expected {
+        let environment = environment(task);
+        assert_eq!((environment.action_repeat(), environment.episode_steps()), (action_repeat, steps), "{task}");
+        assert!((environment.control_timestep() - control_timestep).abs() < 1e-12, "{task}");
+    }
+}
+
+#[test]
+fn numbers_are_finite_and_rewards_of_a_control_step_are_in_0_to_1() {
+    for task in tasks() {
+        let options = EnvironmentOptions { action_repeat: Some(1), raw_torques: false };
+        let mut environment = Environment::new(task, options).unwrap();
+        let mut policy = Policy::new(&PolicySpec::Random, task, options).unwrap();
+        let trajectory = rollout(&mut environment, &mut policy, 300, 3).unwrap();
+        assert!(trajectory.observations.iter().flatten().all(|number| number.is_finite()), "{task}");
+        assert!(trajectory.rewards.iter().all(|reward| (0.0..=1.0).contains(reward)), "{task}");
+    }
+}
+
+#[test]
+fn a_trajectory_of_t_actions_has_t_plus_1_rows() {
+    for task in tasks() {
+        let trajectory = random_rollout(task, 4, 1);
+        assert_eq!([trajectory.actions.len(), trajectory.rewards.len()], [4, 4], "{task}");
+        let rows = [trajectory.observations.len(), trajectory.qpos.len(), trajectory.qvel.len()];
+        assert_eq!(rows, [5, 5, 5], "{task}");
+        assert_eq!(trajectory.qpos[0], trajectory.start.qpos, "{task}");
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits_and_another_seed_another_start() {
+    for task in tasks() {
+        let first = random_rollout(task, 25, 11);
+        assert_eq!(first, random_rollout(task, 25, 11), "{task}");
+        let other = random_rollout(task, 25, 12);
+        assert_ne!(first.observations[0], other.observations[0], "{task}: the start");
+        assert_ne!(first.actions, other.actions, "{task}: the actions");
+    }
+}
+
+#[test]
+fn no_observation_is_constant() {
+    for task in tasks() {
+        let rows: Vec<Vec<f64>> = (0..6)
+            .flat_map(|seed| random_rollout(task, environment(task).episode_steps() / 2, seed).observations)
+            .collect();
+        for place in 0..rows[0].len() {
+            assert!(
+                rows.iter().any(|row| row[place] != rows[0][place]),
+                "{task}: number {place} is {}",
+                rows[0][place]
+            );
+        }
+    }
+}
+
+#[test]
+fn an_episode_can_be_simulated_again_from_its_start() {
+    for task in tasks() {
+        let trajectory = random_rollout(task, 40, 5);
+        let mut environment = environment(task);
+        environment.reset_to(&trajectory.start).unwrap();
+        for (step, action) in trajectory.actions.iter().enumerate() {
+            assert_eq!(environment.step(action).unwrap(), trajectory.rewards[step], "{task}: reward {step}");
+            assert_eq!(environment.physics().qpos(), trajectory.qpos[step + 1], "{task}: qpos {}", step + 1);
+        }
+    }
+}
+
+/// Forces belong to the step before, and a state alone does not say what they were.
+const NOT_OF_THE_STATE: [(&str, &str); 1] = [("finger-spin", "touch")];
+
+#[test]
+fn the_stored_state_gives_the_observation_again() {
+    for task in tasks() {
+        let trajectory = random_rollout(task, 30, 8);
+        let mut environment = environment(task);
+        let parts = environment.observation_spec();
+        let mut observation = Vec::new();
+        for row in [0, 7, 30] {
+            let mut state = trajectory.start.clone();
+            (state.qpos, state.qvel) = (trajectory.qpos[row].clone(), trajectory.qvel[row].clone());
+            environment.reset_to(&state).unwrap();
+            environment.observe(&mut observation);
+            let mut place = 0;
+            for part in &parts {
+                let range = place..place + part.len;
+                place += part.len;
+                if NOT_OF_THE_STATE.contains(&(task, part.name.as_str())) {
+                    continue;
+                }
+                let pairs = observation[range.clone()].iter().zip(&trajectory.observations[row][range]);
+                let error = pairs.map(|(got, expected)| (got - expected).abs()).fold(0.0, f64::max);
+                assert!(error < 1e-12, "{task}: {} of row {row} differs by {error}", part.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_restored_simulation_goes_on_bit_for_bit() {
+    for task in tasks() {
+        let mut environment = environment(task);
+        environment.reset(&mut ChaCha8Rng::seed_from_u64(2)).unwrap();
+        let actions = random_rollout(task, 20, 2).actions;
+        for action in &actions[..8] {
+            environment.step(action).unwrap();
+        }
+        let mut snapshot = Snapshot::default();
+        environment.save(&mut snapshot);
+        let go_on = |environment: &mut Environment| -> Vec<(f64, Vec<f64>)> {
+            let mut step = |action: &Vec<f64>| {
+                let reward = environment.step(action).unwrap();
+                let mut observation = Vec::new();
+                environment.observe(&mut observation);
+                (reward, observation)
+            };
+            actions[8..].iter().map(&mut step).collect()
+        };
+        let first = go_on(&mut environment);
+        environment.restore(&snapshot);
+        let mut observation = Vec::new();
+        environment.observe(&mut observation);
+        assert_eq!(first, go_on(&mut environment), "{task}");
+    }
+}
+
+#[test]
+fn a_row_holds_the_action_taken_there_and_the_reward_it_earned() {
+    for action_repeat in [1, 2, 5] {
+        let options = EnvironmentOptions { action_repeat: Some(action_repeat), raw_torques: false };
+        let mut environment = Environment::new(KNOWN_SLIDE, options).unwrap();
+        let mut policy = Policy::new(&PolicySpec::Random, KNOWN_SLIDE, options).unwrap();
+        let trajectory = rollout(&mut environment, &mut policy, 60, 4).unwrap();
+        for step in 0..trajectory.steps() {
+            let reward = |row: usize, action: usize| {
+                let [position, velocity] = trajectory.observations[row][..] else { panic!("two numbers") };
+                known_reward([position, velocity], trajectory.actions[action][0], action_repeat)
+            };
+            assert!((trajectory.rewards[step] - reward(step, step)).abs() < 1e-12, "step {step}");
+            // The formula tells neighbouring rows apart, or this test would prove nothing.
+            assert!((trajectory.rewards[step] - reward(step + 1, step)).abs() > 1e-9, "step {step}: the next row");
+        }
+    }
+}
+
+#[test]
+fn an_unknown_task_lists_the_known_ones() {
+    for name in ["", "reacher", "reacher-hard", "swimmer-2", "swimmer-x", "swimmer-", "swimmer-9999999"] {
+        let error = Environment::new(name, EnvironmentOptions::default()).unwrap_err().to_string();
+        assert!(error.contains("reacher-easy") && error.contains("swimmer-N"), "{name}: {error}");
+    }
+}
+
+#[test]
+fn wrong_lengths_are_errors_and_change_nothing() {
+    let mut environment = environment("reacher-easy");
+    let start = environment.reset(&mut ChaCha8Rng::seed_from_u64(0)).unwrap();
+    assert!(environment.step(&[0.0; 3]).unwrap_err().to_string().contains("an action has 3 numbers"));
+    let mut short = start.clone();
+    short.qpos.pop();
+    assert!(environment.reset_to(&short).unwrap_err().to_string().contains("qpos has 1 numbers"));
+    assert_eq!(environment.physics().qpos(), start.qpos);
+}
+
+#[test]
+fn model_overrides_are_checked_applied_and_taken_back() {
+    let mut environment = environment("reacher-easy");
+    let mut start = environment.reset(&mut ChaCha8Rng::seed_from_u64(0)).unwrap();
+    let target = environment.physics().geom("target").unwrap();
+    start.model_overrides.set("geom_pos", "target", &[0.1, -0.1, 0.01]);
+    start.model_overrides.set("mat_rgba", "self", &[0.0, 0.25, 1.0, 1.0]);
+    environment.reset_to(&start).unwrap();
+    assert_eq!(environment.physics().model().geom_pos()[target], [0.1, -0.1, 0.01]);
+    let mut observation = Vec::new();
+    environment.observe(&mut observation);
+    let wrong = [
+        ("geom_place", "target", &[0.0; 3][..], "the fields are"),
+        ("geom_pos", "goal", &[0.0; 3], "no geom named goal"),
+        ("geom_pos", "target", &[0.0; 2], "takes 3"),
+        ("geom_pos", "target", &[f64::NAN, 0.0, 0.0], "not finite"),
+    ];
+    for (field, object, numbers, said) in wrong {
+        let mut wrong = start.clone();
+        wrong.model_overrides.set(field, object, numbers);
+        let error = environment.reset_to(&wrong).unwrap_err().to_string();
+        assert!(error.contains(said), "{error}");
+    }
+    let drawn = environment.reset(&mut ChaCha8Rng::seed_from_u64(1)).unwrap();
+    let materials = environment.physics().model().mat_rgba();
+    assert!(!materials.contains(&[0.0, 0.25, 1.0, 1.0]), "the colour is the model's own again");
+    assert_eq!(
+        environment.physics().model().geom_pos()[target],
+        drawn.model_overrides.get("geom_pos", "target").unwrap()
+    );
+}
