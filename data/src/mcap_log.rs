@@ -143,7 +143,7 @@ pub fn read_mcap(path: &Path, spec: &Spec) -> Result<Episode> {
     let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
     let broken = |fact: String| Error::malformed(path, fact, "a whole MCAP log of an episode");
     let mut episode = Episode::default();
-    each_message(&bytes, &mut |topic, data| append(&mut episode, topic, data)).map_err(broken)?;
+    each_message(&bytes, |topic, data| append(&mut episode, topic, data)).map_err(broken)?;
     if episode.cameras.is_empty() {
         return Err(broken("no steps".into()));
     }
@@ -158,7 +158,7 @@ const LARGEST_RECORD: usize = 1 << 26;
 /// before anything is allocated or passed on.
 fn each_message(
     bytes: &[u8],
-    each: &mut dyn FnMut(&str, &[u8]) -> std::result::Result<(), String>,
+    mut each: impl FnMut(&str, &[u8]) -> std::result::Result<(), String>,
 ) -> std::result::Result<(), String> {
     let text = |error: mcap::McapError| error.to_string();
     let options =
