@@ -1,6 +1,6 @@
 //! `vibes-collect` as a process: what it records, how it goes on, what it says and exits with when something is wrong.
 
-#![allow(missing_docs, reason = "a test")]
+#![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
 use std::path::Path;
 use std::process::{Command, Output};

@@ -1,7 +1,7 @@
 //! A recording that was killed, damaged or made up by somebody hostile: everything finished is kept, and bad bytes give a
 //! clear error, never a panic.
 
-#![allow(missing_docs, reason = "a test")]
+#![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
 #[allow(dead_code, reason = "each test file uses a part of it")]
 mod synthetic;

@@ -1,7 +1,7 @@
 //! What is written comes back: Episode → Arrow → Episode and Episode → MCAP → Episode are the identity, and rows are aligned
 //! as the format says.
 
-#![allow(missing_docs, reason = "a test")]
+#![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
 #[allow(dead_code, reason = "each test file uses a part of it")]
 mod synthetic;

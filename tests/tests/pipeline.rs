@@ -1,7 +1,7 @@
 //! The three programs, one after the other, on a tiny real recording: MuJoCo to Arrow to Burn to figures. They meet only on
 //! disk, so nothing of theirs is linked here.
 
-#![allow(missing_docs, reason = "a test")]
+#![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -22,7 +22,7 @@ pub(super) fn with_config_file(arguments: Vec<OsString>) -> Result<Vec<OsString>
             toml::Value::Boolean(false) => {}
             toml::Value::Table(_) => bail!("{key} is a table; options are plain values: {}", path.display()),
             toml::Value::Array(parts) => {
-                all.push(format!("--{key}={}", parts.iter().map(plain).collect::<Vec<_>>().join(",")).into())
+                all.push(format!("--{key}={}", parts.iter().map(plain).collect::<Vec<_>>().join(",")).into());
             }
             value => all.push(format!("--{key}={}", plain(value)).into()),
         }
