@@ -108,7 +108,9 @@ fn info_says_what_a_recording_holds() {
     let folder = tempfile::tempdir().unwrap();
     works(folder.path(), "--grid 1x2 --steps 3 -o r");
     let text = works(folder.path(), "info r");
-    for said in ["reacher-easy", "1 state trajectories x 2 distractor trajectories", "64 x 64 RGB", "random: 2 episodes"] {
+    for said in
+        ["reacher-easy", "1 state trajectories x 2 distractor trajectories", "64 x 64 RGB", "random: 2 episodes"]
+    {
         assert!(text.contains(said), "{said} in {text}");
     }
     let manifest: serde_json::Value = serde_json::from_str(&works(folder.path(), "info r --json")).unwrap();

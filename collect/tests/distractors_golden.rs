@@ -1,7 +1,11 @@
 //! The traces of `tests/golden/dcs`, written by the Distracting Control Suite itself: camera, colours and background agree to 1e-9; pictures
 //! in the suite's look within 2 levels of 255 on average, in the fast look above 28 dB.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by panicking, and says how close pictures are"
+)]
 
 use std::fs;
 use std::path::PathBuf;

@@ -55,7 +55,16 @@ fn a_recording_becomes_latents_becomes_figures() {
     run(folder, "vibes-analyze invariance");
     run(folder, "vibes-analyze scene");
     let figures = folder.join("runs/tiny/figures");
-    for file in ["neighbours.png", "neighbours.svg", "neighbours.json", "map.png", "map.arrow", "grid.png", "invariance.json", "scene.rrd"] {
+    for file in [
+        "neighbours.png",
+        "neighbours.svg",
+        "neighbours.json",
+        "map.png",
+        "map.arrow",
+        "grid.png",
+        "invariance.json",
+        "scene.rrd",
+    ] {
         let size = std::fs::metadata(figures.join(file)).map_or(0, |found| found.len());
         assert!(size > 200, "{file} has {size} bytes");
     }

@@ -125,9 +125,12 @@ fn agreement(first: &Row, other: &Row) -> f64 {
     shared as f64 / (first.near.len() * K) as f64
 }
 
+/// A number with its interval and its chance level, where it could be measured.
+type Measured = Option<(Interval, Option<f64>)>;
+
 fn draw(session: &Session, rows: &[Row], agreement: &[f64]) -> Bars {
     let whole = Some((0.0, 1.0));
-    let group = |axis: &str, of: &dyn Fn(&Row) -> Option<(Interval, Option<f64>)>| {
+    let group = |axis: &str, of: &dyn Fn(&Row) -> Measured| {
         let bar = |r: &Row| {
             of(r).map(|(i, chance)| Bar { label: r.name.clone(), value: i.estimate, interval: ends(&i), chance })
         };

@@ -242,7 +242,7 @@ fn table(heading: Heading, runs: &[Run], groups: &[String], metrics: &[Metric]) 
     let mut columns: Vec<String> = Vec::new();
     groups.iter().for_each(|g| {
         if !columns.contains(g) {
-            columns.push(g.clone())
+            columns.push(g.clone());
         }
     });
     let row = |metric: &Metric| {

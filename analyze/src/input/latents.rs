@@ -98,7 +98,7 @@ fn append(latents: &mut Latents, batch: &RecordBatch, path: &Path) -> Result<(),
     }
     match batch.column_by_name("reward") {
         Some(values) => {
-            latents.reward.extend(floats(values.as_ref(), "reward", path)?.as_primitive::<Float32Type>().iter())
+            latents.reward.extend(floats(values.as_ref(), "reward", path)?.as_primitive::<Float32Type>().iter());
         }
         None => latents.reward.resize(latents.reward.len() + batch.num_rows(), None),
     }

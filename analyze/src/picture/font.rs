@@ -7,9 +7,9 @@ use ab_glyph::{Font, FontRef, GlyphId, OutlineCurve};
 /// Regular or bold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Weight {
-    /// DejaVu Sans.
+    /// `DejaVu` Sans.
     Regular,
-    /// DejaVu Sans Bold.
+    /// `DejaVu` Sans Bold.
     Bold,
 }
 

@@ -138,7 +138,7 @@ fn parse_step(step: &Step, is_reset: bool, channels: usize, frame_count: usize) 
         return Err(format!("frame {} of a video of {frame_count}", step.background.frame));
     }
     let pictures = step.frames.iter().map(|(size, name)| {
-        let size = size.parse().map_err(|_| format!("a picture of size {size}"))?;
+        let size = size.parse().map_err(|error| format!("a picture of size {size} ({error})"))?;
         let is_plain = std::path::Path::new(name).file_name().is_some_and(|file| file == name.as_str());
         if is_plain { Ok((size, name.clone())) } else { Err(format!("a picture outside the trace's folder, {name}")) }
     });

@@ -100,7 +100,7 @@ impl ProceduralVideo {
                 .to_owned(),
         };
         let (family, number) = name.split_once('-').ok_or_else(unknown)?;
-        let number: u64 = number.parse().map_err(|_| unknown())?;
+        let number: u64 = number.parse().map_err(|_error| unknown())?;
         let mut families = [VideoSet::Train, VideoSet::Val].into_iter().flat_map(Family::of);
         let family = families.find(|known| known.name() == family).ok_or_else(unknown)?;
         let mut rng = ChaCha8Rng::seed_from_u64(number);
