@@ -56,6 +56,11 @@ impl Layout {
     fn row(&self) -> f64 {
         self.image.1 + SMALL + 4.0 + if self.two_lines { SMALL + 0.5 } else { 0.0 }
     }
+
+    /// Where the picture of a neighbour begins, below the top of its band; the query has one line of text whatever they have.
+    fn neighbour(&self, rank: usize) -> f64 {
+        8.0 + self.image.1 + SMALL + 9.0 + self.row() * rank as f64
+    }
 }
 
 impl NeighbourSheet {
@@ -65,7 +70,7 @@ impl NeighbourSheet {
         let layout = self.layout();
         let width = if self.columns.len() <= 6 { COLUMN } else { PAGE };
         let bands = self.columns.len().div_ceil(layout.per_band).max(1);
-        let band = 10.0 + layout.row() * (layout.ranks + 1) as f64 + 12.0;
+        let band = layout.neighbour(layout.ranks) + 10.0;
         let foot =
             format!("Under each picture its episode:step; under neighbours also the {} to the query.", self.distance);
         let foot = wrap(&foot, 6.0, Weight::Regular, width - 12.0);
@@ -99,12 +104,11 @@ impl NeighbourSheet {
     }
 
     fn band(&self, picture: &mut Picture, layout: &Layout, columns: &[SheetColumn], top: f64) {
-        let row = layout.row();
         let middle = |y: f64| y + layout.image.1 / 2.0;
         let side = TextStyle::new(6.0).anchor(Anchor::Middle).color(INK).upwards();
         picture.text((11.0, middle(top + 8.0)), "query", side);
         for rank in 0..layout.ranks {
-            let y = top + 10.0 + row * (rank + 1) as f64 + 3.0;
+            let y = top + layout.neighbour(rank);
             let style = TextStyle::new(6.0).anchor(Anchor::Middle).color(FAINT);
             picture.text((9.0, middle(y) + 2.0), (rank + 1).to_string(), style);
         }
@@ -115,7 +119,6 @@ impl NeighbourSheet {
 
     fn column(&self, picture: &mut Picture, layout: &Layout, column: &SheetColumn, at: (f64, f64)) {
         let (w, h) = layout.image;
-        let row = layout.row();
         let small = TextStyle::new(SMALL).anchor(Anchor::Middle);
         let center = at.0 + 2.0 + w / 2.0;
         picture.text((center, at.1 + 6.0), fit(&column.remark, SMALL, Weight::Regular, w), small.color(FAINT));
@@ -127,7 +130,7 @@ impl NeighbourSheet {
             small.bold(),
         );
         for (rank, (neighbour, distance)) in column.neighbours.iter().enumerate() {
-            let rect = Rect::new(at.0 + 2.0, at.1 + 13.0 + row * (rank + 1) as f64, w, h);
+            let rect = Rect::new(at.0 + 2.0, at.1 + layout.neighbour(rank), w, h);
             thumb(picture, neighbour, rect, RULE, 0.4);
             let below = rect.bottom() + SMALL + 0.5;
             if layout.two_lines {

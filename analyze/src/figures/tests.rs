@@ -33,6 +33,15 @@ fn sheet(queries: usize) -> Figure {
     })
 }
 
+/// Row keys too long to stand beside a distance.
+fn long_keys() -> Figure {
+    let Figure::NeighbourSheet(mut sheet) = sheet(6) else { unreachable!("a sheet") };
+    for (thumb, _) in sheet.columns.iter_mut().flat_map(|c| &mut c.neighbours) {
+        thumb.name = format!("1{}", thumb.name.replace(':', ":10"));
+    }
+    Figure::NeighbourSheet(sheet)
+}
+
 fn walk() -> Vec<[f64; 2]> {
     (0..4000)
         .map(|i| {
@@ -57,6 +66,7 @@ fn examples() -> Vec<(&'static str, Figure)> {
     vec![
         ("sheet-20", sheet(20)),
         ("sheet-6", sheet(6)),
+        ("sheet-long-keys", long_keys()),
         (
             "map-time",
             Figure::Map(Map {
