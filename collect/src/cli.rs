@@ -6,6 +6,7 @@ mod info;
 mod preview;
 mod record;
 mod replay;
+mod replay_distractors;
 mod show;
 mod verify;
 

@@ -33,7 +33,7 @@ use sky::Sky;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Look {
-    /// As the suite draws: fourfold multisampling, a shadow map of 2048², the floor's mirror image, a fine sky.
+    /// As the suite draws: fourfold multisampling, fine shadows, the floor's mirror image, a fine sky.
     Suite,
     /// Cheap and close.
     #[default]
