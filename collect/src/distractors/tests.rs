@@ -9,7 +9,7 @@ fn starts() -> [CameraStart; 3] {
     let start = |r, h, v, upper_quadrant| CameraStart { pose: CameraPose { r, h, v, roll: 0.0 }, upper_quadrant };
     [
         start(0.75, 0.0, 0.0, false),
-        start(1.2806, -std::f64::consts::FRAC_PI_2, 0.8961, true),
+        start(1.2806, -FRAC_PI_2, 0.8961, true),
         start(3.0039, -1.5834, 1.5212, true),
     ]
 }
