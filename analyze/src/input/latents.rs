@@ -39,7 +39,10 @@ fn not_a_table(path: &Path, fact: impl Into<String>) -> InputError {
 }
 
 fn arrow_file(path: &Path) -> Result<Latents, InputError> {
-    let broken = |e: arrow::error::ArrowError| not_a_table(path, format!("a damaged or unsuitable Arrow file ({e})"));
+    let broken = |e: arrow::error::ArrowError| match e.to_string() {
+        e if e.contains("decompression") => not_a_table(path, "a compressed Arrow file, write it uncompressed"),
+        e => not_a_table(path, format!("a damaged or unsuitable Arrow file ({e})")),
+    };
     let file = BufReader::new(File::open(path).map_err(InputError::io(path))?);
     let reader = arrow::ipc::reader::FileReader::try_new(file, None).map_err(broken)?;
     let schema = reader.schema();
