@@ -7,11 +7,7 @@ use super::*;
 /// Start poses of the kinds the suite has: at the pole, seen from the side, and low behind.
 fn starts() -> [CameraStart; 3] {
     let start = |r, h, v, upper_quadrant| CameraStart { pose: CameraPose { r, h, v, roll: 0.0 }, upper_quadrant };
-    [
-        start(0.75, 0.0, 0.0, false),
-        start(1.2806, -FRAC_PI_2, 0.8961, true),
-        start(3.0039, -1.5834, 1.5212, true),
-    ]
+    [start(0.75, 0.0, 0.0, false), start(1.2806, -FRAC_PI_2, 0.8961, true), start(3.0039, -1.5834, 1.5212, true)]
 }
 
 const COLORS: [f32; 6] = [0.05, 0.5, 0.95, 0.0, 1.0, 0.3];
