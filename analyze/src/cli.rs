@@ -1,6 +1,6 @@
 //! The command line: what was typed, one verb each, and what is printed. The only module that knows clap or prints.
 //!
-//! A verb opens its inputs through [`session`], calls the measures, and returns an [`Outcome`]: one line of result, the files it wrote, and
+//! A verb opens its inputs through `session`, calls the measures, and returns an `Outcome`: one line of result, the files it wrote, and
 //! the same as JSON.
 
 mod bench;
