@@ -10,7 +10,7 @@
 //! | [`run`], [`metrics`], [`spectrum`] | the run folder, its numbers over time |
 //! | [`encode`] | a trained run's latents of a recording |
 //! | [`evaluate`] | how good the latents are, on a held-out grid |
-//! | [`bench`] | how long an update takes |
+//! | [`mod@bench`] | how long an update takes |
 
 pub mod batch;
 pub mod bench;

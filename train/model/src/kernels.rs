@@ -4,7 +4,7 @@
 //! differentiable through Burn's autodiff where that makes sense.
 //!
 //! A tensor's device decides how a function runs. On `flex` it is a custom operation with a hand-written backward pass
-//! ([`convolution`], [`recurrence`]); on every other device it is the composition of ordinary Burn operations in [`plain`],
+//! (`convolution`, `recurrence`); on every other device it is the composition of ordinary Burn operations in [`plain`],
 //! which is also what the tests compare against. The numbers agree up to float32 rounding.
 //!
 //! The fast path is float32 throughout. It picks its instructions when the program runs (AVX-512, AVX2 with FMA, or what
