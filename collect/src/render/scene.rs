@@ -140,8 +140,8 @@ fn prepared(model: &MjModel, settings: &RenderSettings) -> Box<MjModel> {
         Look::Suite => {}
         Look::Fast => {
             visual.quality.shadowsize = 256;
-            visual.quality.numslices = 16;
-            visual.quality.numstacks = 8;
+            visual.quality.numslices = 12;
+            visual.quality.numstacks = 6;
         }
     }
     model
