@@ -44,7 +44,7 @@ cat <<EOF
 Done in $(((SECONDS - started) / 60)) min $(((SECONDS - started) % 60)) s. $updates updates are far from a converged model: read the figures as such.
 
   $figures/neighbours.png    query frames above their five nearest neighbours from other trajectories: do they show the same arm and target?
-  $figures/map.png           every latent on one UMAP map: trajectories should be threads, not clouds
+  $figures/map-by-state.png  every latent on one UMAP map, coloured by state trajectory (also by time, reward, distractor)
   $figures/grid.png          rows share the state, columns the distractor: a row should look alike from left to right
   $figures/invariance.png    how much of the latents' variance is state, how much distractor; how often a neighbour shows the same state
   $figures/probes.png        what can be read off the latents: task quantities should be high, distractor parameters at chance

@@ -59,7 +59,7 @@ fn a_recording_becomes_latents_becomes_figures() {
         "neighbours.png",
         "neighbours.svg",
         "neighbours.json",
-        "map.png",
+        "map-by-state.png",
         "map.arrow",
         "grid.png",
         "invariance.json",
