@@ -1,7 +1,7 @@
 //! `vibes-collect [OPTIONS]`: records.
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use anyhow::{Result, bail};
 use clap::Args;
@@ -149,7 +149,11 @@ pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
     let threads = args.threads.map_or_else(cores, usize::from);
     let run = RecordRun { options: &options, seed: args.seed, threads, with_mcap: !args.no_mcap, stop };
     let meter = show::Meter::new(u64::from(options.episodes), output.quiet || output.json);
-    let recording = record(&folder, &run, &|progress| meter.tell(progress));
+    let rows = AtomicU64::new(0);
+    let recording = record(&folder, &run, &|progress| {
+        rows.fetch_max(progress.rows, Ordering::Relaxed);
+        meter.tell(progress);
+    });
     meter.finish();
     let recording = recording?;
     if output.json {
@@ -158,6 +162,9 @@ pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
             serde_json::json!({ "recording": folder, "episodes": recording.episodes().len(), "seconds": meter.seconds() })
         );
     } else if !output.quiet {
+        if rows.into_inner() == 0 {
+            println!("all {} episodes are there already and used again", recording.episodes().len());
+        }
         say(&recording, meter.seconds());
     }
     if recording.episodes().len() < options.episodes as usize {
