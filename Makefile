@@ -6,7 +6,7 @@
 export CARGO_TARGET_DIR ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/vibes-toolkit/target
 export PATH := $(CARGO_TARGET_DIR)/debug:$(PATH)
 
-.PHONY: setup build demo test check bench doc clean-demo
+.PHONY: setup build demo test check bench
 
 setup: ## MuJoCo, the suite's models, EGL
 	@setup/fetch.sh
