@@ -2,7 +2,8 @@
 //!
 //! In: `third_party/made-by-make-setup/` (`libmujoco.so.3.17.0`, `suite/*.xml`, `suite/common/*.xml`), filled by `make setup`.
 //! Out: `OUT_DIR/models/` with the XML files that `physics/models.rs` includes, and `<target>/<profile>/lib/` with the library,
-//! found from binaries by the relative rpath `$ORIGIN/lib` and from tests by `$ORIGIN/../lib`.
+//! found from binaries by the relative rpath `$ORIGIN/lib` and from tests by `$ORIGIN/../lib`. mujoco-rs itself is linked against the script
+//! `mujoco/libmujoco.so` beside this file, which names that library; so it builds before set-up, and what is missing is said here.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};
@@ -26,7 +27,6 @@ const LIBRARY: &str = "libmujoco.so.3.17.0";
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
-    println!("cargo::rerun-if-env-changed=MUJOCO_DYNAMIC_LINK_DIR");
     if let Err(missing) = prepare() {
         println!("cargo::error={missing}");
     }
@@ -41,17 +41,15 @@ fn prepare() -> Result<(), String> {
     }
     let lib = profile_folder(&out)?.join("lib");
     place(&third_party.join(LIBRARY), &lib.join(LIBRARY))?;
-    // Inside the target folder, so `cargo run` and `cargo test` also put it on the loader's path (doc tests need that).
+    // Where the linker script in collect/mujoco finds it; inside the target folder, so `cargo run` and `cargo test` also put it on the loader's
+    // path (doc tests need that).
     println!("cargo::rustc-link-search=native={}", lib.display());
     println!("cargo::rustc-link-arg=-Wl,-rpath,$ORIGIN/lib:$ORIGIN/../lib");
     Ok(())
 }
 
-/// The folder `make setup` fills: the one the linker is pointed at, or the one in the source tree.
+/// The folder `make setup` fills.
 fn third_party() -> Result<PathBuf, String> {
-    if let Ok(named) = env::var("MUJOCO_DYNAMIC_LINK_DIR") {
-        return Ok(PathBuf::from(named));
-    }
     let package = env::var("CARGO_MANIFEST_DIR").map_err(|error| error.to_string())?;
     Ok(Path::new(&package).join("../third_party/made-by-make-setup"))
 }
