@@ -19,6 +19,9 @@ use crate::run::{Run, State};
 use crate::update::Learner;
 use crate::windows::{Prefetch, Purpose, Windows, update_rng};
 
+/// Windows that set the first scales.
+const CALIBRATION: usize = 64;
+
 /// What the loop tells its listener.
 #[derive(Debug)]
 pub enum Event<'a> {
@@ -92,7 +95,7 @@ pub fn fit(
     let (learner, state) = match run.resume(device)? {
         Some(resumed) => resumed,
         None => (
-            first_learner(run, device)?,
+            first_learner(run, recordings, device)?,
             State { update: 0, optimizer_steps: 0, adversary_optimizer_steps: 0, seconds: 0.0 },
         ),
     };
@@ -222,10 +225,16 @@ struct Evaluation<'a> {
     report: &'a Report,
 }
 
-fn first_learner(run: &Run, device: &Device) -> Result<Learner> {
+fn first_learner(run: &Run, recordings: &[Recording], device: &Device) -> Result<Learner> {
     let options = &run.info().options;
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
-    let model = Model::init(run.info().model.clone(), &mut rng, device)?;
+    let mut model = Model::init(run.info().model.clone(), &mut rng, device)?;
+    if options.calibrate {
+        let windows = Windows::new(recordings, options.length, CALIBRATION)?;
+        let windows = windows.sample(&mut update_rng(options.seed, 0, Purpose::Calibration));
+        let batch = Batch::new(&windows, &model.config, options.burn_in, device)?;
+        model = model.calibrated(batch.frames, batch.previous_actions, &windows.rewards)?;
+    }
     Ok(Learner::new(model, options, device))
 }
 

@@ -57,6 +57,9 @@ pub struct Options {
     pub dynamics_warmup: u64,
     /// Weight of the reward term.
     pub reward_weight: f64,
+    /// Whether the first scale of features and latents is set by the data (see `Model::calibrated`), so that training begins with latents that differ. With
+    /// ordinary first weights all latents begin within the noise of one another, where ignoring the picture is an optimum.
+    pub calibrate: bool,
     /// Channels after the first convolution.
     pub depth: usize,
     /// Width of features and hidden states.

@@ -20,13 +20,19 @@ pub enum Purpose {
     Windows,
     /// Sampling latents.
     Noise,
+    /// Choosing the windows that set the first scales.
+    Calibration,
+}
+
+impl Purpose {
+    const COUNT: u64 = 3;
 }
 
 /// The generator of one update.
 pub fn update_rng(seed: u64, update: u64, purpose: Purpose) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     // Stream 0 is the first weights'.
-    rng.set_stream(1 + 2 * update + purpose as u64);
+    rng.set_stream(1 + Purpose::COUNT * update + purpose as u64);
     rng
 }
 

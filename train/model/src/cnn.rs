@@ -96,14 +96,23 @@ impl CnnConfig {
 }
 
 impl Cnn {
+    /// The network with its last layer [standardized](Linear::standardized) over these pictures: `[frames, height, width, 3]`.
+    pub fn calibrated(mut self, pixels: Tensor<4, Int>) -> Self {
+        self.linear = self.linear.clone().standardized(kernels::features(pixels, &self.convolutions()));
+        self
+    }
+
     /// # Shapes
     /// - `pixels`: `[frames, height, width, 3]`, bytes
     /// - output: `[frames, output]`
     pub fn forward(&self, pixels: Tensor<4, Int>) -> Tensor<2> {
-        let layer = |layer: &ConvLayer| kernels::ConvLayer { weight: layer.weight.val(), bias: layer.bias.val() };
-        let layers: Vec<_> = self.layers.iter().map(layer).collect();
-        let x = self.linear.forward(kernels::features(pixels, &layers));
+        let x = self.linear.forward(kernels::features(pixels, &self.convolutions()));
         module::layer_norm(x, self.norm_scale.val(), Some(self.norm_shift.val()), 1e-5)
+    }
+
+    fn convolutions(&self) -> Vec<kernels::ConvLayer> {
+        let layer = |layer: &ConvLayer| kernels::ConvLayer { weight: layer.weight.val(), bias: layer.bias.val() };
+        self.layers.iter().map(layer).collect()
     }
 }
 

@@ -43,6 +43,23 @@ impl Encoder {
         })
     }
 
+    /// The encoder with features, and latents before they are normalised, standardized over this window: its latents begin spread over the
+    /// whole sphere. Without this the pictures' common part drowns their differences, and the latents begin as one point with the noise around it.
+    ///
+    /// # Shapes
+    /// As [`Encoder::forward`].
+    ///
+    /// # Errors
+    /// The frames are of another kind than the model's.
+    pub fn calibrated(mut self, frames: Frames, previous_actions: Tensor<3>) -> Result<Self, ModelError> {
+        let [length, batch, _] = previous_actions.dims();
+        self.observe = self.observe.calibrated(frames.clone())?;
+        let features = self.observe.forward(frames, length)?;
+        let states = self.gru.forward(Tensor::cat(vec![features, previous_actions], 2), None);
+        self.mean = self.mean.standardized(states.reshape([length * batch, self.gru.hidden()]));
+        Ok(self)
+    }
+
     /// # Shapes
     /// - `frames`: `length·batch` observations
     /// - `previous_actions`: `[length, batch, A]`, the action before each observation, zeros at an episode's start

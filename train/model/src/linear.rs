@@ -41,4 +41,20 @@ impl Linear {
     pub fn forward<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
         module::linear(x, self.weight.val(), Some(self.bias.val()))
     }
+
+    /// The layer scaled and shifted so that each of its outputs has mean 0 and standard deviation 1 over these inputs; an output that
+    /// never changes is only shifted.
+    ///
+    /// # Shapes
+    /// - `inputs`: `[rows, input]`
+    pub fn standardized(self, inputs: Tensor<2>) -> Self {
+        let outputs = self.forward(inputs);
+        let mean = outputs.clone().mean_dim(0);
+        let std = (outputs - mean.clone()).powi_scalar(2).mean_dim(0).sqrt();
+        let still = std.clone().lower_equal_elem(1e-6);
+        let std = std.mask_fill(still, 1.0);
+        let width = self.bias.val().dims();
+        let (shift, scale) = (mean.reshape(width), std.clone().reshape(width));
+        Self { weight: self.weight.map(|weight| weight / std), bias: self.bias.map(|bias| (bias - shift) / scale) }
+    }
 }

@@ -42,6 +42,14 @@ impl MlpConfig {
 }
 
 impl Mlp {
+    /// The network with its last layer [standardized](Linear::standardized) over these inputs: `[rows, input]`.
+    pub fn calibrated(mut self, x: Tensor<2>) -> Self {
+        let x = elu(self.first.forward(x), 1.0);
+        let x = elu(self.second.forward(x), 1.0);
+        self.last = self.last.clone().standardized(x);
+        self
+    }
+
     /// # Shapes
     /// - `x`: `[…, input]`
     /// - output: `[…, output]`

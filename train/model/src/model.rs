@@ -2,7 +2,7 @@
 //! separate rates.
 
 use burn::module::Module;
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor};
 use rand::Rng;
 
 use crate::adversary::Adversary;
@@ -11,6 +11,7 @@ use crate::decoder::Decoder;
 use crate::dynamics::Dynamics;
 use crate::encoder::Encoder;
 use crate::error::ModelError;
+use crate::observe::Frames;
 use crate::parameters::read_parameters;
 use crate::reward::Reward;
 
@@ -51,6 +52,33 @@ impl Model {
         let adversary = config.adversary.then(|| Adversary::init(&config, rng, device)).transpose()?;
         Ok(Self { config, world: World { encoder, dynamics, reward, decoder }, adversary })
     }
+
+    /// The model with the first scale of its features and latents set by data: what the encoder and the adversary make of a window has mean 0 and
+    /// standard deviation 1 in every dimension, before normalisation; and the reward model begins with the rewards' own mean and standard deviation. Open
+    /// in the paper.
+    ///
+    /// # Shapes
+    /// - `frames`: `length·batch` observations
+    /// - `previous_actions`: `[length, batch, A]`
+    /// - `rewards`: `[length·batch]`
+    ///
+    /// # Errors
+    /// The frames are of another kind than the model's.
+    pub fn calibrated(
+        mut self,
+        frames: Frames,
+        previous_actions: Tensor<3>,
+        rewards: &[f32],
+    ) -> Result<Self, ModelError> {
+        self.world.reward = self.world.reward.calibrated(rewards);
+        if let Some(mut adversary) = self.adversary.take() {
+            adversary.observe = adversary.observe.calibrated(frames.clone())?;
+            self.adversary = Some(adversary);
+        }
+        self.world.encoder = self.world.encoder.calibrated(frames, previous_actions)?;
+        Ok(self)
+    }
+
     /// The first weight that is no finite number, if there is one.
     pub fn first_not_finite(&self) -> Option<f32> {
         let mut tensors = read_parameters(&self.world, "world");

@@ -47,6 +47,19 @@ impl Observe {
         })
     }
 
+    /// The network with features standardized over these observations.
+    ///
+    /// # Errors
+    /// The frames are not of the kind this network was made for.
+    pub fn calibrated(self, frames: Frames) -> Result<Self, ModelError> {
+        match (frames, self.cnn, self.mlp) {
+            (Frames::Pixels(pixels), Some(cnn), mlp) => Ok(Self { cnn: Some(cnn.calibrated(pixels)), mlp }),
+            (Frames::Vectors(vectors), cnn, Some(mlp)) => Ok(Self { cnn, mlp: Some(mlp.calibrated(vectors)) }),
+            (Frames::Pixels(_), ..) => Err(mismatch("vector observations", "pixels")),
+            (Frames::Vectors(_), ..) => Err(mismatch("pixels", "vector observations")),
+        }
+    }
+
     /// # Shapes
     /// - `frames`: `length·batch` observations
     /// - output: `[length, batch, hidden]`

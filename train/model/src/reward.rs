@@ -6,6 +6,7 @@ use rand::Rng;
 
 use crate::config::ModelConfig;
 use crate::gaussian::Gaussian;
+use crate::linear::Linear;
 use crate::mlp::{Mlp, MlpConfig};
 
 /// Latent and action to the reward earned there.
@@ -22,6 +23,22 @@ impl Reward {
     pub fn init(config: &ModelConfig, rng: &mut impl Rng, device: &Device) -> Self {
         let head = MlpConfig { input: config.latent + config.actions(), hidden: config.head, output: 2 };
         Self { head: head.init(rng, device), floor: config.reward_floor }
+    }
+
+    /// The model that predicts the mean and standard deviation of these rewards whatever it sees, and learns from there. Otherwise the first thing
+    /// it learns is their mean, and it learns it by pulling all latents to one point.
+    pub fn calibrated(mut self, rewards: &[f32]) -> Self {
+        let count = rewards.len().max(1) as f32;
+        let mean = rewards.iter().sum::<f32>() / count;
+        let std = (rewards.iter().map(|reward| (reward - mean).powi(2)).sum::<f32>() / count).sqrt();
+        // The inverse of softplus, where the floor leaves anything to invert.
+        let above = (std - self.floor).max(1e-3);
+        let last = self.head.last.clone();
+        self.head.last = Linear {
+            weight: last.weight.map(|weight| weight.zeros_like()),
+            bias: last.bias.map(|bias| Tensor::from_data([mean, above.exp_m1().ln()], &bias.device())),
+        };
+        self
     }
 
     /// # Shapes

@@ -266,3 +266,48 @@ fn pixels_keep_their_place() {
     let corner: i64 = tensor.narrow(1, 1, 1).narrow(2, 0, 1).narrow(3, 2, 1).into_scalar();
     assert_eq!(corner, 14);
 }
+
+/// Mean and standard deviation of every column of `[rows, width]`.
+fn columns(values: &[f32], width: usize) -> Vec<(f32, f32)> {
+    let rows = (values.len() / width) as f32;
+    let column = |i: usize| values.iter().skip(i).step_by(width);
+    (0..width)
+        .map(|i| {
+            let mean = column(i).sum::<f32>() / rows;
+            (mean, (column(i).map(|x| (x - mean).powi(2)).sum::<f32>() / rows).sqrt())
+        })
+        .collect()
+}
+
+#[test]
+fn calibrated_latents_begin_spread_over_the_sphere() {
+    let (pixels, actions) = (frames(random_pixels(60, 5)), random([10, 6, 2], 6));
+    let spread = |model: &Model| {
+        let means = model.world.encoder.forward(pixels.clone(), actions.clone(), None).unwrap().means;
+        columns(&to_values(means), 6).iter().map(|(_, std)| std * std).sum::<f32>()
+    };
+    let plain = model(self::pixels());
+    let calibrated = plain.clone().calibrated(pixels.clone(), actions.clone(), &[0.0, 2.0, 4.0]).unwrap();
+    assert!(spread(&plain) < 0.5, "{}: pictures of noise hardly differ", spread(&plain));
+    // Latents have norm 1, so their total variance is 1 less the squared norm of their mean.
+    assert!(spread(&calibrated) > 0.9, "{}", spread(&calibrated));
+}
+
+#[test]
+fn a_calibrated_reward_model_predicts_the_rewards_own_distribution_whatever_it_sees() {
+    let (pixels, actions) = (frames(random_pixels(4, 5)), random([2, 2, 2], 6));
+    let model = model(self::pixels()).calibrated(pixels, actions.clone(), &[1.0, 3.0, 1.0, 3.0]).unwrap();
+    let prediction = model.world.reward.forward(random([2, 2, 6], 7), actions);
+    assert_close(&to_values(prediction.mean), &[2.0; 4], 1e-5);
+    assert_close(&to_values(prediction.std), &[1.0; 4], 1e-5);
+}
+
+#[test]
+fn standardizing_leaves_an_output_that_never_changes_finite() {
+    let mut model = model(ObservationKind::Vector { len: 3 });
+    let observe = model.world.encoder.observe.clone();
+    let still = Tensor::<2>::ones([5, 3], &Device::flex());
+    model.world.encoder.observe = observe.calibrated(Frames::Vectors(still.clone())).unwrap();
+    let features = model.world.encoder.observe.forward(Frames::Vectors(still), 5).unwrap();
+    assert_close(&to_values(features), &[0.0; 5 * 24], 1e-4);
+}

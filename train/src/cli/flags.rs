@@ -70,6 +70,9 @@ struct OptionFlags {
     /// Weight of the reward term.
     #[arg(long)]
     reward_weight: Option<f64>,
+    /// Whether the first scale of features and latents is set by the data.
+    #[arg(long, value_name = "true|false")]
+    calibrate: Option<bool>,
     /// Channels after the first convolution.
     #[arg(long)]
     depth: Option<usize>,

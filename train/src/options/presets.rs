@@ -25,6 +25,7 @@ pub fn small() -> Options {
         dynamics_weight: 0.03,
         dynamics_warmup: 0,
         reward_weight: 1.0,
+        calibrate: true,
         depth: 16,
         hidden: 256,
         head: 256,
@@ -81,6 +82,7 @@ fn paper() -> Options {
         head: 200,
         latent: 30,
         dynamics_weight: 1.0,
+        calibrate: false,
         lr: 3e-4,
         updates: 100_000,
         ..small()
