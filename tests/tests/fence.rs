@@ -28,7 +28,7 @@ const PACKAGES: &[(&str, &[&[&str]])] = &[
     ("data", &[&["bytes", "foxglove", "mcap", "memmap2", "prost", "prost-types"]]),
     ("collect", &[PROGRAM, &["vibes-data", "mujoco-rs", "khronos-egl", "image", "parquet", "libc"]]),
     ("train/model", &[&["vibes-data", "burn", "burn-flex", "gemm", "memmap2", "safetensors"]]),
-    ("train", &[PROGRAM, &["vibes-data", "vibes-model", "burn", "memmap2"]]),
+    ("train", &[PROGRAM, &["vibes-data", "vibes-model", "burn", "crc32c", "memmap2", "prost"]]),
     (
         "analyze",
         &[

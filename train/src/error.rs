@@ -74,6 +74,16 @@ pub enum TrainError {
         /// The recording.
         path: PathBuf,
     },
+    /// The run to begin from holds another model.
+    #[error("the model there is {found}; this run's is {wanted}; begin from a run of the same task, sizes and objective: {}", path.display())]
+    OtherModel {
+        /// The model found.
+        found: String,
+        /// The model wanted.
+        wanted: String,
+        /// The run folder.
+        path: PathBuf,
+    },
     /// The training has left the numbers.
     #[error("update {update} diverged: {what} is {value}; the last good checkpoint is kept; try a lower --lr: {}", run.display())]
     Diverged {

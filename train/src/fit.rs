@@ -12,15 +12,16 @@ use vibes_model::Model;
 
 use crate::batch::Batch;
 use crate::error::{Result, TrainError};
-use crate::evaluate::{Report, evaluate};
+use crate::evaluate::{GapOptions, Gaps, Report, evaluate, gaps};
 use crate::metrics::{Averages, MetricsFile, Row};
 use crate::options::Options;
 use crate::run::{Run, State};
+use crate::tensorboard::EventFile;
 use crate::update::Learner;
 use crate::windows::{Prefetch, Purpose, Windows, update_rng};
 
 /// Windows that set the first scales.
-const CALIBRATION: usize = 64;
+const CALIBRATION_WINDOWS: usize = 64;
 
 /// What the loop tells its listener.
 #[derive(Debug)]
@@ -40,7 +41,7 @@ pub enum Event<'a> {
     /// A line of metrics was written.
     Metrics(&'a Row),
     /// The latents were evaluated on the held-out grid.
-    Evaluated(&'a Report),
+    Evaluated(&'a Evaluation),
     /// A checkpoint was saved.
     Saved {
         /// Updates made.
@@ -55,6 +56,21 @@ pub struct HeldOut {
     pub grid: Recording,
     /// Updates between evaluations.
     pub every: u64,
+    /// Updates of the fresh critic that measures the gaps to a bisimulation at every evaluation; 0 leaves them out.
+    pub gap_updates: u64,
+}
+
+/// A line of `evaluations.jsonl`.
+#[derive(Debug, Serialize)]
+pub struct Evaluation {
+    /// Updates made.
+    pub update: u64,
+    /// How good the latents are.
+    #[serde(flatten)]
+    pub report: Report,
+    /// How far from a bisimulation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gaps: Option<Gaps>,
 }
 
 /// Whether to go on after an event.
@@ -105,6 +121,7 @@ pub fn fit(
     listen(Event::Start { update: state.update });
     let metrics = MetricsFile::open(&run.metrics_path(), state.update)?;
     let evaluations = held_out.map(|_| MetricsFile::open(&run.evaluations_path(), state.update)).transpose()?;
+    let events = EventFile::begin(run.path(), state.update)?;
     std::thread::scope(|scope| {
         let batches = Prefetch::start(scope, &windows, options.seed, state.update..options.updates);
         let mut training = Training {
@@ -113,6 +130,8 @@ pub fn fit(
             device,
             batches,
             metrics,
+            events,
+            recordings,
             held_out,
             evaluations,
             averages: Averages::default(),
@@ -128,6 +147,8 @@ struct Training<'a> {
     device: &'a Device,
     batches: Prefetch,
     metrics: MetricsFile,
+    events: EventFile,
+    recordings: &'a [Recording],
     held_out: Option<&'a HeldOut>,
     evaluations: Option<MetricsFile>,
     averages: Averages,
@@ -144,6 +165,7 @@ impl Training<'_> {
             if update.is_multiple_of(self.options.log_every) || end.is_some() {
                 let row = self.averages.take_row(update, self.options.latent);
                 self.metrics.append(&row)?;
+                self.events.append("train", update, &row)?;
                 go = listen(Event::Metrics(&row));
             }
             self.evaluate(&learner, end.is_some(), listen)?;
@@ -153,6 +175,7 @@ impl Training<'_> {
                 self.state.adversary_optimizer_steps = learner.adversary_optimizer.steps();
                 self.check_weights(&learner)?;
                 self.run.save(&learner, self.state)?;
+                self.run.write_summary()?;
                 listen(Event::Saved { update });
             }
             if let Some(end) = end {
@@ -169,7 +192,7 @@ impl Training<'_> {
         let device = self.device.clone().autodiff();
         let batch = Batch::new(&windows, &learner.model.config, self.options.burn_in, &device)?;
         let mut noise = update_rng(self.options.seed, number, Purpose::Noise);
-        let made = learner.update(&batch, self.options.weights(number), self.options, &mut noise);
+        let made = learner.update(&batch, self.options.schedule(number), self.options, &mut noise);
         let (learner, measures) = made.map_err(|error| match error {
             TrainError::NotFinite { what, value } => {
                 TrainError::Diverged { update: number + 1, what, value, run: self.run.path().to_owned() }
@@ -187,8 +210,17 @@ impl Training<'_> {
         let (Some(held_out), Some(file)) = (self.held_out, &mut self.evaluations) else { return Ok(()) };
         if last || self.state.update.is_multiple_of(held_out.every.max(1)) {
             let report = evaluate(&learner.model, &held_out.grid, self.device)?;
-            file.append(&Evaluation { update: self.state.update, report: &report })?;
-            listen(Event::Evaluated(&report));
+            let gaps = match held_out.gap_updates {
+                0 => None,
+                updates => {
+                    let options = GapOptions::like(self.options, updates);
+                    Some(gaps(&learner.model, self.recordings, &held_out.grid, options, self.device)?)
+                }
+            };
+            let evaluation = Evaluation { update: self.state.update, report, gaps };
+            file.append(&evaluation)?;
+            self.events.append("held-out", self.state.update, &evaluation)?;
+            listen(Event::Evaluated(&evaluation));
         }
         Ok(())
     }
@@ -217,20 +249,16 @@ impl Training<'_> {
     }
 }
 
-/// A line of `evaluations.jsonl`.
-#[derive(Serialize)]
-struct Evaluation<'a> {
-    update: u64,
-    #[serde(flatten)]
-    report: &'a Report,
-}
-
 fn first_learner(run: &Run, recordings: &[Recording], device: &Device) -> Result<Learner> {
     let options = &run.info().options;
+    if let Some(from) = &run.info().from {
+        let model = Model::load(&Run::open(from)?.newest_model()?, device)?;
+        return Ok(Learner::new(model, options, device));
+    }
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut model = Model::init(run.info().model.clone(), &mut rng, device)?;
     if options.calibrate {
-        let windows = Windows::new(recordings, options.length, CALIBRATION)?;
+        let windows = Windows::new(recordings, options.length, CALIBRATION_WINDOWS)?;
         let windows = windows.sample(&mut update_rng(options.seed, 0, Purpose::Calibration));
         let batch = Batch::new(&windows, &model.config, options.burn_in, device)?;
         model = model.calibrated(batch.frames, batch.previous_actions, &windows.rewards)?;

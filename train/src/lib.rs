@@ -8,6 +8,7 @@
 //! | [`update`], [`optimizer`] | one update of Algorithm 1, Adam |
 //! | [`prepare`], [`fit`] | the run folder begun or found; the one loop |
 //! | [`run`], [`metrics`], [`spectrum`] | the run folder, its numbers over time |
+//! | [`mod@summary`], [`tensorboard`] | those numbers on one page, and for TensorBoard |
 //! | [`encode`] | a trained run's latents of a recording |
 //! | [`evaluate`] | how good the latents are, on a held-out grid |
 //! | [`mod@bench`] | how long an update takes |
@@ -25,6 +26,8 @@ pub mod options;
 pub mod prepare;
 pub mod run;
 pub mod spectrum;
+pub mod summary;
+pub mod tensorboard;
 pub mod update;
 pub mod windows;
 

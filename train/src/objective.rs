@@ -58,19 +58,19 @@ impl FromStr for Objective {
     }
 }
 
-/// Weights of the terms. The paper gives none; both are 1 there.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Weights {
-    /// Of the dynamics term.
-    pub dynamics: f32,
-    /// Of the reward's log-likelihood.
-    pub reward: f32,
+/// The same latents, through which only a share of the gradient passes to the encoder. The dynamics term is computed on these, so that the dynamics
+/// model learns at its full rate from the first update on while the encoder gives way to it as much as `weight` says (the idea of KL balancing).
+pub fn hear(latents: &Tensor<3>, weight: f32) -> Tensor<3> {
+    if weight == 1.0 {
+        return latents.clone();
+    }
+    latents.clone() * weight + latents.clone().detach() * (1.0 - weight)
 }
 
 /// A window as the objective sees it.
 #[derive(Debug, Clone)]
 pub struct Predictions {
-    /// Sampled latents: `[length, batch, latent]`
+    /// Sampled latents, as the dynamics term [hears](hear) them: `[length, batch, latent]`
     pub latents: Tensor<3>,
     /// The dynamics' prediction of the latents `1..length`: `[length − 1, batch, …]`
     pub dynamics: Gaussian,

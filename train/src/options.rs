@@ -8,7 +8,7 @@ use toml::Table;
 use vibes_model::{ModelConfig, ObservationKind};
 
 use crate::error::{Result, TrainError, io, malformed};
-use crate::objective::{Objective, Weights};
+use crate::objective::Objective;
 
 pub mod presets;
 
@@ -45,20 +45,28 @@ pub struct Options {
     pub burn_in: usize,
     /// Adam's step size for the world model (`η_θ = η_φ`).
     pub lr: f64,
+    /// Updates over which the world model's step size rises from zero to `lr`. Adam's first steps are as large as any, in whatever direction the first few
+    /// gradients have in common; at full size a handful of them undo the calibration.
+    pub lr_warmup: u64,
     /// Adam's step size for the adversary (`η_ψ`, above `η_φ`).
     pub adversary_lr: f64,
     /// Adam's ε.
     pub adam_epsilon: f64,
     /// Largest global norm of the world model's, and of the adversary's, gradient.
     pub gradient_clip: f64,
-    /// Weight of the dynamics term. At 1, as the objective is written, the latent soon ignores the picture and stays so; at 0.03 it learns to see.
+    /// Weight with which the encoder hears the dynamics term; the dynamics model itself always hears it whole. At 1 from the start, as the objective is
+    /// written, the latent soon ignores the picture and stays so.
     pub dynamics_weight: f64,
-    /// Updates over which the dynamics term's weight rises from zero to its value.
+    /// Updates before the encoder begins to hear the dynamics term: until then it learns from the reward alone. While the latents show nothing
+    /// yet, the dynamics term only pulls them together, and Adam makes that pull as strong as any other however small its weight.
+    pub dynamics_start: u64,
+    /// Updates after that over which the weight rises from zero to its value.
     pub dynamics_warmup: u64,
     /// Weight of the reward term.
     pub reward_weight: f64,
     /// Whether the first scale of features and latents is set by the data (see `Model::calibrated`), so that training begins with latents that differ. With
-    /// ordinary first weights all latents begin within the noise of one another, where ignoring the picture is an optimum.
+    /// ordinary first weights all latents begin within the noise of one another, where the reward model hears nothing and ignoring the picture is an
+    /// optimum.
     pub calibrate: bool,
     /// Channels after the first convolution.
     pub depth: usize,
@@ -84,6 +92,17 @@ pub struct Options {
     pub log_every: u64,
     /// Checkpoints to keep.
     pub keep: usize,
+}
+
+/// The options that change with the updates, at one of them. The paper gives the terms no weights.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Schedule {
+    /// How much of the dynamics term's gradient the encoder [hears](crate::objective::hear).
+    pub dynamics_weight: f32,
+    /// Weight of the reward's log-likelihood.
+    pub reward_weight: f32,
+    /// Adam's step size for the world model.
+    pub lr: f64,
 }
 
 impl Options {
@@ -152,10 +171,19 @@ impl Options {
         Ok(())
     }
 
-    /// Weights of the terms at one update.
-    pub fn weights(&self, update: u64) -> Weights {
-        let risen = if update >= self.dynamics_warmup { 1.0 } else { update as f64 / self.dynamics_warmup as f64 };
-        Weights { dynamics: (self.dynamics_weight * risen) as f32, reward: self.reward_weight as f32 }
+    /// What holds at one update.
+    pub fn schedule(&self, update: u64) -> Schedule {
+        let risen = match update.checked_sub(self.dynamics_start) {
+            None => 0.0,
+            Some(since) if since >= self.dynamics_warmup => 1.0,
+            Some(since) => since as f64 / self.dynamics_warmup as f64,
+        };
+        let warmed = (update.saturating_add(1) as f64 / self.lr_warmup.max(1) as f64).min(1.0);
+        Schedule {
+            dynamics_weight: (self.dynamics_weight * risen) as f32,
+            reward_weight: self.reward_weight as f32,
+            lr: self.lr * warmed,
+        }
     }
 
     /// The model these options ask for, for a task and its observations.

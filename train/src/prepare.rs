@@ -3,17 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use vibes_data::{Recording, Spec};
-use vibes_model::ObservationKind;
+use vibes_model::{ModelConfig, ObservationKind};
 
 use crate::error::{Result, TrainError};
 use crate::options::{Observations, Options};
 use crate::run::{FORMAT, Run, RunInfo, versions};
 
-/// Opens or begins the run at `path` for these recordings and options.
+/// Opens or begins the run at `path` for these recordings and options; a new one begins with the newest weights of the run `from`, if one is named.
 ///
 /// # Errors
-/// The recordings differ in what they hold, or lack the observations asked for, or the folder holds another run.
-pub fn prepare(path: &Path, recordings: &[Recording], options: &Options) -> Result<Run> {
+/// The recordings differ in what they hold, or lack the observations asked for, or the folder holds another run, or `from` another model.
+pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: Option<&Path>) -> Result<Run> {
     let Some(first) = recordings.first() else {
         return Err(TrainError::Options("no recording was named; name at least one".to_owned()));
     };
@@ -26,9 +26,14 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options) -> Resu
             return Err(TrainError::OtherRecording { found, wanted, path: other.path().to_owned() });
         }
     }
+    let model = options.model(spec, observation);
+    if let Some(from) = from {
+        same_model(from, &model)?;
+    }
     let info = RunInfo {
         format: FORMAT.to_owned(),
-        model: options.model(spec, observation),
+        model,
+        from: from.map(Path::to_owned),
         options: options.clone(),
         recordings: recordings.iter().map(|recording| recording.path().to_owned()).collect::<Vec<PathBuf>>(),
         episodes: recordings.iter().map(|recording| recording.episodes().len()).sum(),
@@ -36,6 +41,18 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options) -> Resu
         versions: versions(),
     };
     Run::create_or_open(path, info)
+}
+
+/// That the run `from` has weights for this model.
+fn same_model(from: &Path, wanted: &ModelConfig) -> Result<()> {
+    let run = Run::open(from)?;
+    run.newest_model()?;
+    let found = &run.info().model;
+    if found == wanted {
+        return Ok(());
+    }
+    let text = |model: &ModelConfig| serde_json::to_string(model).unwrap_or_default();
+    Err(TrainError::OtherModel { found: text(found), wanted: text(wanted), path: from.to_owned() })
 }
 
 fn observation_kind(recording: &Recording, wanted: Observations) -> Result<ObservationKind> {

@@ -5,6 +5,8 @@
 //! config.toml                       the options alone; `--config` reads it
 //! metrics.jsonl                     one line every few updates
 //! evaluations.jsonl                 with `--eval`: one line every few updates
+//! events.out.tfevents.*             the same numbers for TensorBoard
+//! summary.md                        one page about all of it
 //! checkpoints/000500/
 //!     model.safetensors             weights, with the model's configuration in the metadata
 //!     optimizer.safetensors         Adam's moments
@@ -26,7 +28,9 @@ use vibes_model::checkpoint::{load_tensors, save_tensors};
 use vibes_model::{Model, ModelConfig};
 
 use crate::error::{Result, TrainError, io, malformed};
+use crate::metrics::read_rows;
 use crate::options::Options;
+use crate::summary::summary;
 use crate::update::Learner;
 
 /// What `run.json` holds.
@@ -40,6 +44,9 @@ pub struct RunInfo {
     pub model: ModelConfig,
     /// The recordings, as they were named.
     pub recordings: Vec<PathBuf>,
+    /// The run whose newest weights this one began with, if it did not begin anew.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub from: Option<PathBuf>,
     /// Episodes and steps in them when the run began.
     pub episodes: usize,
     /// Steps of all those episodes.
@@ -112,7 +119,12 @@ impl Run {
         if before != asked {
             return Err(other("recordings", before.join(", "), asked.join(", ")));
         }
-        let run = Self { path: path.to_owned(), info };
+        if let (Some(from), Some(asked)) = (&found.info.from, &info.from)
+            && from != asked
+        {
+            return Err(other("from", from.display().to_string(), asked.display().to_string()));
+        }
+        let run = Self { path: path.to_owned(), info: RunInfo { from: found.info.from, ..info } };
         run.write_info()?;
         Ok(run)
     }
@@ -156,6 +168,22 @@ impl Run {
     /// The evaluations made while training.
     pub fn evaluations_path(&self) -> PathBuf {
         self.path.join("evaluations.jsonl")
+    }
+
+    /// Writes the page about the run, from the numbers on disk.
+    ///
+    /// # Errors
+    /// The numbers cannot be read or the page cannot be written.
+    pub fn write_summary(&self) -> Result<()> {
+        let rows = if self.metrics_path().exists() { read_rows(&self.metrics_path())? } else { Vec::new() };
+        let evaluations = match fs::read_to_string(self.evaluations_path()) {
+            Ok(text) => text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect(),
+            Err(_none) => Vec::new(),
+        };
+        let absolute = std::path::absolute(&self.path).unwrap_or_else(|_unknown| self.path.clone());
+        let name = absolute.file_name().map_or_else(|| "run".into(), |name| name.to_string_lossy().into_owned());
+        let page = summary(&name, &self.info, &rows, &evaluations);
+        Ok(write_atomically(&self.path.join("summary.md"), page.as_bytes())?)
     }
 
     /// Every checkpoint's number of updates, ascending.

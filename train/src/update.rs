@@ -19,9 +19,9 @@ use vibes_model::{Model, World};
 
 use crate::batch::Batch;
 use crate::error::{Result, TrainError};
-use crate::objective::{Predictions, Value, Weights, adversary_objective, no_adversary, reconstruction, vibes};
+use crate::objective::{Predictions, Value, adversary_objective, hear, no_adversary, reconstruction, vibes};
 use crate::optimizer::{NamedGradients, Optimizer};
-use crate::options::Options;
+use crate::options::{Options, Schedule};
 
 /// A model in training.
 #[derive(Debug, Clone)]
@@ -93,7 +93,7 @@ impl Learner {
     pub fn update(
         mut self,
         batch: &Batch,
-        weights: Weights,
+        schedule: Schedule,
         options: &Options,
         rng: &mut impl Rng,
     ) -> Result<(Self, Measures)> {
@@ -104,20 +104,21 @@ impl Learner {
             &self.device,
         );
         let latents = means.clone() + noise * self.model.config.latent_std;
+        let heard = hear(&latents, schedule.dynamics_weight);
         let encode = watch.lap();
         let before_last = Span { length: batch.length - 1 };
         let adversary = match self.model.adversary.take() {
-            Some(adversary) => Some(self.adversary_step(adversary, batch, &latents, before_last, options)?),
+            Some(adversary) => Some(self.adversary_step(adversary, batch, &heard, before_last, options)?),
             None => None,
         };
         let adversary_ms = watch.lap();
-        let predictions = predict(&self.model.world, batch, latents, before_last);
-        let value = evaluate(&self.model, batch, &predictions, adversary.as_ref(), weights)?;
+        let predictions = predict(&self.model.world, batch, &latents, heard, before_last);
+        let value = evaluate(&self.model, batch, &latents, &predictions, adversary.as_ref(), schedule.reward_weight)?;
         let mut measures = measure(&predictions, &value, adversary.as_ref());
         measures.latent_means = to_values(means.inner());
         drop(predictions);
         measures.phases = Phases { encode, adversary: adversary_ms, predict: watch.lap(), ..Phases::default() };
-        let learner = self.world_step(value, &mut measures, options)?;
+        let learner = self.world_step(value, &mut measures, schedule.lr, options.gradient_clip as f32)?;
         Ok((learner, measures))
     }
 
@@ -126,11 +127,11 @@ impl Learner {
         &mut self,
         adversary: Adversary,
         batch: &Batch,
-        latents: &Tensor<3>,
+        heard: &Tensor<3>,
         span: Span,
         options: &Options,
     ) -> Result<AdversaryStep> {
-        let fixed = latents.clone().detach();
+        let fixed = heard.clone().detach();
         let actions = span.of(batch.actions.clone());
         let features = adversary.observe.forward(span.frames(&batch.frames, batch.batch), span.length)?;
         let prediction = adversary.forward(features.clone(), span.of(fixed.clone()), actions.clone());
@@ -142,19 +143,19 @@ impl Learner {
         let gradient_norm = finite("the adversary's gradient norm", gradients.norm(""))?;
         let adversary =
             self.adversary_optimizer.step(adversary, gradients, options.adversary_lr, options.gradient_clip as f32);
-        let prediction = adversary.valid().forward(features.inner(), span.of(latents.clone()), actions);
+        let prediction = adversary.valid().forward(features.inner(), span.of(heard.clone()), actions);
         self.model.adversary = Some(adversary);
         Ok(AdversaryStep { prediction, gradient_norm })
     }
 
-    fn world_step(mut self, value: Value, measures: &mut Measures, options: &Options) -> Result<Self> {
+    fn world_step(mut self, value: Value, measures: &mut Measures, lr: f64, clip: f32) -> Result<Self> {
         finite("the objective", measures.objective)?;
         let mut watch = Stopwatch::start();
         let gradients = NamedGradients::take(&self.model.world, &mut value.objective.neg().backward());
         measures.phases.backward = watch.lap();
         measures.gradient_norm = finite("the gradient norm", gradients.norm(""))?;
         measures.encoder_gradient_norm = gradients.norm("encoder.");
-        self.model.world = self.optimizer.step(self.model.world, gradients, options.lr, options.gradient_clip as f32);
+        self.model.world = self.optimizer.step(self.model.world, gradients, lr, clip);
         measures.phases.step = watch.lap();
         Ok(self)
     }
@@ -201,12 +202,13 @@ impl Span {
     }
 }
 
-fn predict(world: &World, batch: &Batch, latents: Tensor<3>, span: Span) -> Predictions {
-    let (dynamics, _) = world.dynamics.forward(span.of(latents.clone()), span.of(batch.actions.clone()), None);
+/// The dynamics term on the latents as `heard`, the reward on all of them.
+fn predict(world: &World, batch: &Batch, latents: &Tensor<3>, heard: Tensor<3>, span: Span) -> Predictions {
+    let (dynamics, _) = world.dynamics.forward(span.of(heard.clone()), span.of(batch.actions.clone()), None);
     Predictions {
         dynamics,
         reward: world.reward.forward(latents.clone(), batch.actions.clone()),
-        latents,
+        latents: heard,
         rewards: batch.rewards.clone(),
         counted: batch.counted.clone(),
         count: batch.count,
@@ -216,17 +218,18 @@ fn predict(world: &World, batch: &Batch, latents: Tensor<3>, span: Span) -> Pred
 fn evaluate(
     model: &Model,
     batch: &Batch,
+    latents: &Tensor<3>,
     predictions: &Predictions,
     adversary: Option<&AdversaryStep>,
-    weights: Weights,
+    reward_weight: f32,
 ) -> Result<Value> {
     Ok(match (adversary, &model.world.decoder) {
-        (Some(step), _) => vibes::value(predictions, &step.prediction, weights),
+        (Some(step), _) => vibes::value(predictions, &step.prediction, reward_weight),
         (None, Some(decoder)) => {
-            let observations = decoder.log_prob(batch.frames.clone(), predictions.latents.clone())?;
-            reconstruction::value(predictions, observations, weights)
+            let observations = decoder.log_prob(batch.frames.clone(), latents.clone())?;
+            reconstruction::value(predictions, observations, reward_weight)
         }
-        (None, None) => no_adversary::value(predictions, weights),
+        (None, None) => no_adversary::value(predictions, reward_weight),
     })
 }
 

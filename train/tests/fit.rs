@@ -22,7 +22,7 @@ fn options(text: &str) -> Options {
 }
 
 fn train(path: &Path, recordings: &[Recording], options: &Options) -> vibes_train::Result<End> {
-    let run = prepare(path, recordings, options)?;
+    let run = prepare(path, recordings, options, None)?;
     fit(&run, recordings, &Device::flex(), None, &mut |_| Go::On)
 }
 
@@ -68,13 +68,14 @@ fn stopping_and_going_on_gives_the_same_bytes_as_never_stopping() {
     let folder = tempfile::tempdir().unwrap();
     let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 20, false)];
     for objective in Objective::ALL {
-        let options =
-            options(&format!("objective = '{objective}'\nupdates = 7\ncheckpoint_every = 5\ndynamics_warmup = 6"));
+        let options = options(&format!(
+            "objective = '{objective}'\nupdates = 7\ncheckpoint_every = 5\ndynamics_start = 2\ndynamics_warmup = 6\nlr_warmup = 9"
+        ));
         let whole = folder.path().join(format!("{objective}-whole"));
         train(&whole, &recordings, &options).unwrap();
         let parts = folder.path().join(format!("{objective}-parts"));
         for stop_at in [2, 3, 100] {
-            let run = prepare(&parts, &recordings, &options).unwrap();
+            let run = prepare(&parts, &recordings, &options, None).unwrap();
             let listen = &mut |event: Event<'_>| match event {
                 Event::Update { update, .. } if update == stop_at => Go::Stop,
                 _ => Go::On,
@@ -156,4 +157,26 @@ fn windows_longer_than_every_episode_are_refused() {
     let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 5, false)];
     let error = train(&folder.path().join("run"), &recordings, &options("length = 8")).unwrap_err().to_string();
     assert!(error.contains("longest has 5"), "{error}");
+}
+
+#[test]
+fn a_run_can_begin_with_the_weights_of_another_of_the_same_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false)];
+    let (first, second) = (folder.path().join("first"), folder.path().join("second"));
+    train(&first, &recordings, &options("updates = 3")).unwrap();
+    // A step size of almost nothing: whatever the new run ends with, it began with.
+    let still = options("updates = 1\nlr = 1e-12\nadversary_lr = 1e-12\nseed = 9");
+    let run = prepare(&second, &recordings, &still, Some(&first)).unwrap();
+    fit(&run, &recordings, &Device::flex(), None, &mut |_| Go::On).unwrap();
+    let weights = |path: &Path| load_tensors(&path.join("model.safetensors")).unwrap().0;
+    let (before, after) = (weights(&first.join("checkpoints/000003")), weights(&second.join("checkpoints/000001")));
+    for (name, tensor) in &before {
+        let pairs = tensor.values.iter().zip(&after[name].values);
+        assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-6), "{name}");
+    }
+    assert_eq!(vibes_train::run::Run::open(&second).unwrap().info().from.as_deref(), Some(first.as_path()));
+    let wider = options("updates = 1\nlatent = 9");
+    let error = prepare(&folder.path().join("third"), &recordings, &wider, Some(&first)).unwrap_err();
+    assert!(matches!(error, TrainError::OtherModel { .. }), "{error}");
 }

@@ -62,15 +62,7 @@ fn measure_gaps(
     let options = &run.info().options;
     let training = run.info().recordings.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>();
     let training = training.context("the gaps need the run's recordings; leave them out with --gap-updates 0")?;
-    let options = GapOptions {
-        updates,
-        batches: 50,
-        batch: options.batch,
-        length: options.length,
-        burn_in: options.burn_in,
-        lr: options.adversary_lr,
-        seed: options.seed,
-    };
+    let options = GapOptions::like(options, updates);
     Ok(gaps(model, &training, grid, options, device)?)
 }
 

@@ -52,6 +52,9 @@ struct OptionFlags {
     /// Step size of the world model.
     #[arg(long)]
     lr: Option<f64>,
+    /// Updates over which it rises from 0.
+    #[arg(long)]
+    lr_warmup: Option<u64>,
     /// Step size of the adversary.
     #[arg(long)]
     adversary_lr: Option<f64>,
@@ -61,10 +64,13 @@ struct OptionFlags {
     /// Largest norm of a gradient.
     #[arg(long)]
     gradient_clip: Option<f64>,
-    /// Weight of the dynamics term (1 as the paper writes it).
+    /// Weight with which the encoder hears the dynamics term (1 as the paper writes it).
     #[arg(long)]
     dynamics_weight: Option<f64>,
-    /// Updates over which that weight rises from 0.
+    /// Updates before it begins to.
+    #[arg(long)]
+    dynamics_start: Option<u64>,
+    /// Updates after that over which the weight rises from 0.
     #[arg(long)]
     dynamics_warmup: Option<u64>,
     /// Weight of the reward term.

@@ -24,12 +24,18 @@ pub(crate) struct OfflineArgs {
     /// The run folder [default: runs/<recording>-<objective>].
     #[arg(short, long, value_name = "RUN")]
     output: Option<PathBuf>,
+    /// Begin with the newest weights of another run, of the same task, sizes and objective.
+    #[arg(long, value_name = "RUN")]
+    from: Option<PathBuf>,
     /// A held-out grid to evaluate the latents on while training.
     #[arg(long, value_name = "GRID")]
     eval: Option<PathBuf>,
     /// Updates between evaluations.
     #[arg(long, default_value_t = 2000, value_name = "N", requires = "eval")]
     eval_every: u64,
+    /// Updates of the fresh critic that measures the gaps to a bisimulation at every evaluation; 0 leaves them out.
+    #[arg(long, default_value_t = 200, value_name = "N", requires = "eval")]
+    gap_updates: u64,
     #[command(flatten)]
     options: OptionArgs,
 }
@@ -39,9 +45,9 @@ pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<()> {
     let recordings = args.recordings.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>()?;
     let output = args.output.unwrap_or_else(|| default_run(&args.recordings[0], options.objective.name()));
     let held_out = args.eval.as_ref().map(|path| Recording::open(path)).transpose()?;
-    let held_out = held_out.map(|grid| HeldOut { grid, every: args.eval_every });
+    let held_out = held_out.map(|grid| HeldOut { grid, every: args.eval_every, gap_updates: args.gap_updates });
     let device = context.device.open()?;
-    let run = prepare(&output, &recordings, &options)?;
+    let run = prepare(&output, &recordings, &options, args.from.as_deref())?;
     let stop = stop_on_interrupt()?;
     let mut progress = Progress::new(context, &options);
     progress.describe(&run);

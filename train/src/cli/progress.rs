@@ -4,7 +4,7 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use vibes_train::fit::Event;
+use vibes_train::fit::{Evaluation, Event};
 use vibes_train::metrics::Row;
 use vibes_train::options::Options;
 use vibes_train::run::Run;
@@ -60,10 +60,7 @@ impl Progress {
             Event::Start { update } => self.say(&format!("going on after {update} updates")),
             Event::Update { update, seconds } => self.move_bar(*update, *seconds),
             Event::Metrics(row) => self.metrics(row),
-            Event::Evaluated(report) => self.say(&format!(
-                "held-out grid: retrieval@1 {:.2}, variance shares state {:.2}, distractor {:.2}, interaction {:.2}",
-                report.retrieval_at_1, report.shares.state, report.shares.distractor, report.shares.interaction
-            )),
+            Event::Evaluated(evaluation) => self.say(&held_out(evaluation)),
             Event::Saved { update } if self.verbose => self.say(&format!("saved checkpoint {update}")),
             Event::Saved { .. } => {}
         }
@@ -108,6 +105,17 @@ fn summary(row: &Row) -> String {
     format!(
         "dynamics {:.2}{gap}, reward {:.3}, rank {:.1}, variance {:.3}",
         row.dynamics_log_likelihood, row.reward_log_likelihood, row.effective_rank, row.latent_variance
+    )
+}
+
+fn held_out(evaluation: &Evaluation) -> String {
+    let (report, shares) = (&evaluation.report, &evaluation.report.shares);
+    let gaps = evaluation.gaps.map_or(String::new(), |gaps| {
+        format!("; gaps reward {:+.2}, dynamics {:+.2} nats", gaps.reward_gap, gaps.dynamics_gap)
+    });
+    format!(
+        "held-out grid: retrieval@1 {:.2}, variance shares state {:.2}, distractor {:.2}, interaction {:.2}{gaps}",
+        report.retrieval_at_1, shares.state, shares.distractor, shares.interaction
     )
 }
 

@@ -21,6 +21,7 @@ use crate::batch::Batch;
 use crate::encode::check_fit;
 use crate::error::Result;
 use crate::optimizer::{NamedGradients, Optimizer};
+use crate::options::Options;
 use crate::windows::Windows;
 
 /// How to fit the critic.
@@ -40,6 +41,21 @@ pub struct GapOptions {
     pub lr: f64,
     /// Seed of its weights, windows and noise.
     pub seed: u64,
+}
+
+impl GapOptions {
+    /// As the run's own adversary was trained, for so many updates.
+    pub fn like(options: &Options, updates: u64) -> Self {
+        Self {
+            updates,
+            batches: 50,
+            batch: options.batch,
+            length: options.length,
+            burn_in: options.burn_in,
+            lr: options.adversary_lr,
+            seed: options.seed,
+        }
+    }
 }
 
 /// Held-out log-likelihoods, nats a row, and their differences.

@@ -7,12 +7,12 @@
 
 use burn::tensor::Tensor;
 
-use super::{Predictions, Value, Weights, no_adversary};
+use super::{Predictions, Value, no_adversary};
 
 /// The value of the objective; `observations` is the log-density of each row's observation, `[length, batch]`.
-pub fn value(predictions: &Predictions, observations: Tensor<2>, weights: Weights) -> Value {
+pub fn value(predictions: &Predictions, observations: Tensor<2>, reward_weight: f32) -> Value {
     let counted = predictions.counted.clone().squeeze_dim::<2>(2);
     let reconstruction = (observations * counted).sum() / predictions.count;
-    let rest = no_adversary::value(predictions, weights);
+    let rest = no_adversary::value(predictions, reward_weight);
     Value { objective: rest.objective + reconstruction.clone(), reconstruction: Some(reconstruction), ..rest }
 }

@@ -70,7 +70,7 @@ fn case(golden: &Json, device: &Device) -> Case {
     Case { s, dynamics, adversary, reward, predictions }
 }
 
-const ONE: Weights = Weights { dynamics: 1.0, reward: 1.0 };
+const ONE: f32 = 1.0;
 
 #[test]
 fn vibes_agrees_with_the_golden_value_and_all_gradients() {
@@ -155,4 +155,17 @@ fn rows_that_do_not_count_have_no_influence() {
 fn an_unknown_objective_lists_the_known_ones() {
     let error = "dreamer".parse::<Objective>().expect_err("unknown").to_string();
     assert!(error.contains("vibes, no-adversary, reconstruction"), "{error}");
+}
+
+#[test]
+fn the_encoder_hears_the_share_it_is_told_and_the_values_stay() {
+    let device = Device::flex().autodiff();
+    for weight in [0.0, 0.25, 1.0] {
+        let latents = Tensor::<3>::from_data([[[1.0_f32, -2.0, 0.5]]], &device).require_grad();
+        let heard = hear(&latents, weight);
+        assert_close(&to_values(heard.clone()), &[1.0, -2.0, 0.5], "values");
+        let grads = heard.sum().backward();
+        let found = latents.grad(&grads).map_or(vec![0.0; 3], to_values);
+        assert_close(&found, &[weight; 3], "gradient");
+    }
 }

@@ -7,16 +7,16 @@
 use burn::tensor::Tensor;
 use vibes_model::gaussian::Gaussian;
 
-use super::{Predictions, Value, Weights};
+use super::{Predictions, Value};
 
 /// The value of the objective; `adversary` predicts the same latents as the dynamics, with ψ held fixed by the caller but the latents not
 /// detached, so that gradients reach the encoder through them.
-pub fn value(predictions: &Predictions, adversary: &Gaussian, weights: Weights) -> Value {
+pub fn value(predictions: &Predictions, adversary: &Gaussian, reward_weight: f32) -> Value {
     let dynamics = predictions.latent_log_prob(&predictions.dynamics);
     let ratio = log_ratio(dynamics.clone(), predictions.latent_log_prob(adversary));
     let reward = predictions.reward_log_prob();
     let clipped = ratio.clone().greater_scalar(0.0).float().mean();
-    let objective = ratio.clamp_max(0.0).sum() * weights.dynamics + reward.clone() * weights.reward;
+    let objective = ratio.clamp_max(0.0).sum() + reward.clone() * reward_weight;
     let count = predictions.count;
     Value {
         objective: objective / count,
