@@ -2,9 +2,11 @@
 
 mod bench;
 mod config;
+mod extend;
 mod info;
 mod preview;
 mod record;
+mod render;
 mod replay;
 mod replay_distractors;
 mod show;
@@ -53,6 +55,10 @@ enum Verb {
     Verify(verify::VerifyArgs),
     /// Simulate a trace or a recorded episode again and compare.
     Replay(replay::ReplayArgs),
+    /// Make a recording larger: more rows, columns or episodes, as if it had been recorded so large.
+    Extend(extend::ExtendArgs),
+    /// Draw a recording again: other distractors, another size or look, or none.
+    Render(Box<render::RenderArgs>),
     /// Draw one contact sheet per task and difficulty.
     Preview(preview::PreviewArgs),
     /// Print the rate card: how fast this machine simulates and draws.
@@ -82,6 +88,8 @@ pub fn main() -> ExitCode {
         Some(Verb::Info(args)) => info::run(&args, cli.output),
         Some(Verb::Verify(args)) => verify::run(&args, cli.output),
         Some(Verb::Replay(args)) => replay::run(&args, cli.output),
+        Some(Verb::Extend(args)) => extend::run(&args, cli.output),
+        Some(Verb::Render(args)) => render::run(&args, cli.output),
         Some(Verb::Preview(args)) => preview::run(&args, cli.output),
         Some(Verb::Bench(args)) => bench::run(&args, cli.output),
     };
@@ -99,7 +107,13 @@ fn report(error: &anyhow::Error) -> ExitCode {
     eprintln!("vibes-collect: {error:#}");
     let wrong_arguments = matches!(
         error.downcast_ref::<Error>(),
-        Some(Error::UnknownTask { .. } | Error::UnknownName { .. } | Error::Policy { .. })
+        Some(
+            Error::UnknownTask { .. }
+                | Error::UnknownName { .. }
+                | Error::Policy { .. }
+                | Error::Shrinks { .. }
+                | Error::NoRotation { .. }
+        )
     );
     ExitCode::from(if wrong_arguments { 2 } else { 1 })
 }

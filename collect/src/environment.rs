@@ -77,13 +77,16 @@ impl Environment {
     pub fn action_spec(&self) -> ActionSpec {
         match self.actuation {
             Actuation::Sinusoid(_) => ActionSpec { min: vec![-1.0; 4], max: vec![1.0; 4] },
-            Actuation::Direct => {
-                let range = self.physics.model().actuator_ctrlrange();
-                ActionSpec {
-                    min: range.iter().map(|[low, _]| *low).collect(),
-                    max: range.iter().map(|[_, high]| *high).collect(),
-                }
-            }
+            Actuation::Direct => self.control_spec(),
+        }
+    }
+
+    /// The bounds of the actuators' control.
+    pub fn control_spec(&self) -> ActionSpec {
+        let range = self.physics.model().actuator_ctrlrange();
+        ActionSpec {
+            min: range.iter().map(|[low, _]| *low).collect(),
+            max: range.iter().map(|[_, high]| *high).collect(),
         }
     }
 
@@ -135,6 +138,15 @@ impl Environment {
         self.physics.set_state(&start.qpos, &start.qvel, &start.act, start.time);
         self.physics.forward_without_actuation();
         Ok(())
+    }
+
+    /// Turns a state about the vertical axis through the origin by `angle` radians; see [`Task::rotate`].
+    ///
+    /// # Errors
+    /// [`Error::NoRotation`] for a task that is not the same afterwards.
+    pub fn rotate(&self, state: &mut Start, angle: f64) -> Result<()> {
+        let is_symmetric = self.task.rotate(state, angle);
+        is_symmetric.then_some(()).ok_or_else(|| Error::NoRotation { task: self.name.clone() })
     }
 
     /// One control step; returns its reward.

@@ -39,6 +39,30 @@ pub enum Error {
         /// What differs.
         fact: String,
     },
+    /// A recording that does not hold the episodes its options make.
+    #[error("{fact}; only a recording as vibes-collect made it can be extended: {path}")]
+    NotAsPlanned {
+        /// What is different.
+        fact: String,
+        /// The recording.
+        path: PathBuf,
+    },
+    /// A recording was asked to become smaller, or something else than it is.
+    #[error("the recording has {found}, asked for were {asked}; ask for as many or more: {path}")]
+    Shrinks {
+        /// What it has.
+        found: String,
+        /// What was asked for.
+        asked: String,
+        /// The recording.
+        path: PathBuf,
+    },
+    /// A task whose states cannot be turned.
+    #[error("{task} is not the same turned about the origin; reacher-easy is")]
+    NoRotation {
+        /// The task.
+        task: String,
+    },
     /// A name that is not in its list.
     #[error("unknown {what} {name}; known are {known}")]
     UnknownName {

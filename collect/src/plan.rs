@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 use vibes_data::{Cell, Grid};
 
-use crate::distractors::DistractorSettings;
+use crate::distractors::{AxisSeeds, DistractorSettings};
 use crate::render::Look;
 use crate::videos::{VideoSet, VideoSource};
 
@@ -40,6 +40,40 @@ pub struct RecordOptions {
     pub size: Option<u32>,
     /// How pictures are drawn.
     pub look: Look,
+    /// Seeds of single axes.
+    #[serde(default, skip_serializing_if = "ChosenSeeds::is_empty")]
+    pub axis_seeds: ChosenSeeds,
+    /// Degrees by which the states were turned about the origin after they were simulated; see [`crate::Task::rotate`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotated: Option<f64>,
+}
+
+/// Seeds of single axes, instead of the recording's: the same camera walks under other videos, and the like.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ChosenSeeds {
+    /// Choice of video, start and direction.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub background: Option<u64>,
+    /// The camera's walk.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera: Option<u64>,
+    /// The colours' walk.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub color: Option<u64>,
+}
+
+impl ChosenSeeds {
+    /// Whether every axis goes by the recording's seed.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The seeds of one distractor trajectory of a recording of that seed.
+    pub fn of_trajectory(self, seed: u64, distractor: u32) -> AxisSeeds {
+        let of = |chosen: Option<u64>| distractor_seed(chosen.unwrap_or(seed), distractor);
+        AxisSeeds { background: of(self.background), camera: of(self.camera), color: of(self.color) }
+    }
 }
 
 /// One episode to be recorded.

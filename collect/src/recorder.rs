@@ -1,7 +1,10 @@
 //! The one loop that records: state trajectories are simulated once each, drawn once per distractor trajectory, and written episode by episode.
 //!
-//! In: [`RecordOptions`], a seed, a folder. Out: a recording. Every worker thread has a simulation, policies and a render context of its own; which
-//! thread does what never changes a byte.
+//! In: [`RecordOptions`], a seed, a folder, and a [`Source`] of what need not be made anew. Out: a recording. Every worker thread has a simulation,
+//! policies and a render context of its own; which thread does what never changes a byte.
+
+mod source;
+mod worker;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,11 +13,15 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use vibes_data::{EpisodeInfo, FORMAT, ImageSize, Manifest, Recording, RecordingWriter, Spec, Video};
 
-use crate::plan::{PlannedEpisode, RecordOptions, state_seed};
+pub use source::Source;
+
+use crate::plan::{PlannedEpisode, RecordOptions};
 use crate::render::{material_colors, material_names};
-use crate::studio::{Studio, StudioSettings};
+use crate::studio::StudioSettings;
 use crate::videos::VideoLibrary;
-use crate::{Environment, EnvironmentOptions, Error, Policy, PolicyMix, PolicySpec, Result, StateTrajectory, rollout};
+use crate::{Environment, EnvironmentOptions, Error, PolicyMix, Result, StateTrajectory};
+use source::Stored;
+use worker::Worker;
 
 /// What is told while a recording grows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -38,13 +45,17 @@ pub struct RecordRun<'a> {
     pub threads: usize,
     /// Whether MCAP logs are written too.
     pub with_mcap: bool,
+    /// What is taken from another recording.
+    pub source: Source<'a>,
+    /// Degrees by which states are turned before they are drawn; see [`crate::Task::rotate`].
+    pub turn: f64,
     /// Set from outside to stop after the episodes at hand.
     pub stop: &'a AtomicBool,
 }
 
-/// A state trajectory that is simulated by whoever needs it first, and forgotten after its last cell.
+/// A state trajectory, with what the manifest says of it, that is made by whoever needs it first, and forgotten after its last cell.
 #[derive(Debug, Default)]
-struct Row(OnceLock<Option<StateTrajectory>>);
+struct Row(OnceLock<Option<(StateTrajectory, EpisodeInfo)>>);
 
 /// An episode to be made.
 type Job = (PlannedEpisode, Arc<Row>);
@@ -54,6 +65,7 @@ struct Shared<'a> {
     run: &'a RecordRun<'a>,
     mix: PolicyMix,
     studio: StudioSettings<'a>,
+    stored: Stored<'a>,
     writer: &'a RecordingWriter,
     jobs: Mutex<std::vec::IntoIter<Job>>,
     failure: Mutex<Option<Error>>,
@@ -70,13 +82,16 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
     let environment = environment_of(options)?;
     let videos = open_videos(options)?;
     let manifest = manifest_of(options, run.seed, &environment, videos.videos());
+    run.source.check_videos(videos.videos())?;
     let writer = RecordingWriter::create_or_resume(path, manifest, run.with_mcap)?;
-    let jobs = jobs_of(options, &writer, run.threads);
+    let resumed = Recording::open(path)?;
+    let jobs = jobs_of(run.source.episodes(options), &writer, run.threads);
     let wanted = jobs.len();
     let shared = Shared {
         run,
         mix: options.policy.parse()?,
         studio: StudioSettings::new(options, run.seed, &environment, &videos)?,
+        stored: Stored::new(run.source, &resumed),
         writer: &writer,
         jobs: Mutex::new(jobs.into_iter()),
         failure: Mutex::new(None),
@@ -90,8 +105,9 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
         }
     });
     let failure = shared.failure.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let recording = writer.finish()?;
-    failure.map_or(Ok(recording), Err)
+    let recording = writer.finish();
+    // What went wrong first is what to say, even when the manifest could not be completed after it.
+    failure.map_or_else(|| Ok(recording?), Err)
 }
 
 /// The environment of a recording.
@@ -147,9 +163,9 @@ fn manifest_of(options: &RecordOptions, seed: u64, environment: &Environment, vi
 }
 
 /// What is not there yet. Cells are ordered so that as many rows are simulated at once as there are threads: nobody waits for another's physics.
-fn jobs_of(options: &RecordOptions, writer: &RecordingWriter, threads: usize) -> Vec<Job> {
+fn jobs_of(planned: Vec<PlannedEpisode>, writer: &RecordingWriter, threads: usize) -> Vec<Job> {
     let mut rows: BTreeMap<u32, Arc<Row>> = BTreeMap::new();
-    let missing = options.episodes().filter(|episode| !writer.has(episode.index));
+    let missing = planned.into_iter().filter(|episode| !writer.has(episode.index));
     let mut jobs: Vec<Job> = missing.map(|episode| (episode, rows.entry(episode.state).or_default().clone())).collect();
     jobs.sort_by_key(|(episode, _)| (episode.state as usize / threads.max(1), episode.distractor, episode.state));
     jobs
@@ -177,57 +193,6 @@ impl Shared<'_> {
             wanted: u64::from(self.run.options.episodes),
             rows: self.rows.load(Ordering::Relaxed),
         });
-    }
-}
-
-/// One thread's simulation, policies and render context.
-struct Worker<'a> {
-    shared: &'a Shared<'a>,
-    environment: Environment,
-    policies: Vec<(PolicySpec, Policy)>,
-    studio: Studio<'a>,
-}
-
-impl<'a> Worker<'a> {
-    fn new(shared: &'a Shared<'a>) -> Result<Self> {
-        let environment = environment_of(shared.run.options)?;
-        let studio = Studio::new(&shared.studio, &environment)?;
-        Ok(Self { shared, environment, policies: Vec::new(), studio })
-    }
-
-    fn work(&mut self) -> Result<()> {
-        while let Some((planned, row)) = self.shared.next_job() {
-            let trajectory = row
-                .0
-                .get_or_init(|| self.simulate(planned.state).map_err(|error| self.shared.fail_on(Err(error))).ok());
-            let Some(trajectory) = trajectory else { return Ok(()) };
-            let episode = self.studio.draw_episode(planned, trajectory, &mut self.environment)?;
-            let info = EpisodeInfo {
-                policy: self.shared.mix.policy(planned.state).to_string(),
-                seed: state_seed(self.shared.run.seed, planned.state),
-                model_overrides: serde_json::to_value(&trajectory.start.model_overrides).unwrap_or_default(),
-            };
-            self.shared.writer.write(&episode, info)?;
-            self.shared.rows.fetch_add(episode.rows() as u64, Ordering::Relaxed);
-            self.shared.tell();
-        }
-        Ok(())
-    }
-
-    fn simulate(&mut self, state: u32) -> Result<StateTrajectory> {
-        let run = self.shared.run;
-        let spec = self.shared.mix.policy(state);
-        let known = self.policies.iter().position(|(made, _)| made == spec);
-        let place = match known {
-            Some(place) => place,
-            None => {
-                let RecordOptions { action_repeat, raw_torques, .. } = *run.options;
-                let options = EnvironmentOptions { action_repeat: Some(action_repeat), raw_torques };
-                self.policies.push((spec.clone(), Policy::new(spec, &run.options.task, options)?));
-                self.policies.len() - 1
-            }
-        };
-        rollout(&mut self.environment, &mut self.policies[place].1, run.options.steps, state_seed(run.seed, state))
     }
 }
 

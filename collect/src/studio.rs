@@ -1,12 +1,12 @@
 //! From a state trajectory and a distractor trajectory to an episode with pictures.
 //!
-//! In: a [`StateTrajectory`], which distractor trajectory. Out: an [`Episode`], its rows aligned by `vibes-data`'s builder. One [`Studio`] a thread.
+//! In: a [`StateTrajectory`], a [`DistractorTrajectory`]. Out: an [`Episode`], its rows aligned by `vibes-data`'s builder. One [`Studio`] a thread.
 
 use vibes_data::{Episode, EpisodeBuilder, Frame};
 
 use crate::distractors::camera::CameraStart;
-use crate::distractors::{AxisSeeds, DistractorSettings, DistractorTrajectory, Undistracted};
-use crate::plan::{PlannedEpisode, RecordOptions, distractor_seed};
+use crate::distractors::{DistractorSettings, DistractorTrajectory, Undistracted};
+use crate::plan::{ChosenSeeds, PlannedEpisode, RecordOptions};
 use crate::recorder::own_colors;
 use crate::render::{RenderSettings, Renderer, camera_start};
 use crate::videos::VideoLibrary;
@@ -17,6 +17,7 @@ use crate::{Environment, Result, StateTrajectory};
 pub struct StudioSettings<'a> {
     distractors: DistractorSettings,
     seed: u64,
+    axis_seeds: ChosenSeeds,
     camera: CameraStart,
     colors: Vec<f32>,
     videos: &'a VideoLibrary,
@@ -38,6 +39,7 @@ impl<'a> StudioSettings<'a> {
         Ok(Self {
             distractors: options.distractors,
             seed,
+            axis_seeds: options.axis_seeds,
             camera: camera_start(&options.task, environment.physics().model())?,
             colors: own_colors(environment),
             videos,
@@ -49,7 +51,7 @@ impl<'a> StudioSettings<'a> {
     /// The parameters of one distractor trajectory of T agent steps.
     pub fn distractor(&self, number: u32, steps: usize, action_repeat: u32) -> DistractorTrajectory {
         let from = Undistracted { camera: self.camera, colors: &self.colors, video_frames: &self.video_frames };
-        let seeds = AxisSeeds::from(distractor_seed(self.seed, number));
+        let seeds = self.axis_seeds.of_trajectory(self.seed, number);
         DistractorTrajectory::generate(&self.distractors, &from, steps, action_repeat as usize, seeds)
     }
 }
@@ -80,15 +82,15 @@ impl<'a> Studio<'a> {
         &mut self,
         planned: PlannedEpisode,
         trajectory: &StateTrajectory,
+        distractor: &DistractorTrajectory,
         environment: &mut Environment,
     ) -> Result<Episode> {
-        let distractor = self.settings.distractor(planned.distractor, trajectory.steps(), environment.action_repeat());
         self.begin(trajectory, environment)?;
-        let first = self.frame(trajectory, &distractor, 0)?;
+        let first = self.frame(trajectory, distractor, 0)?;
         let mut builder = EpisodeBuilder::first(planned.index, planned.cell, first);
         for step in 0..trajectory.steps() {
             let action: Vec<f32> = trajectory.actions[step].iter().map(|&number| number as f32).collect();
-            let next = self.frame(trajectory, &distractor, step + 1)?;
+            let next = self.frame(trajectory, distractor, step + 1)?;
             builder.step(&action, trajectory.rewards[step] as f32, 1.0, next);
         }
         // The suite's tasks stop, but never end in a terminal state.

@@ -26,7 +26,7 @@ pub use sinusoid::Sinusoid;
 pub use tolerance::{Sigmoid, Tolerance};
 
 use crate::physics::{ModelOverrides, Physics};
-use crate::{Error, Result};
+use crate::{Error, Result, Start};
 
 /// Control steps in an episode, of every task.
 pub const EPISODE_CONTROL_STEPS: u32 = 1000;
@@ -50,6 +50,12 @@ pub trait Task: Debug + Send + Sync {
 
     /// The reward for having come to the present state with the control just used, in `[0, 1]`.
     fn reward(&self, physics: &Physics) -> f64;
+
+    /// Turns a state about the vertical axis through the origin by `angle` radians, where physics and reward are the same afterwards; false
+    /// where the task has no such symmetry.
+    fn rotate(&self, _: &mut Start, _angle: f64) -> bool {
+        false
+    }
 }
 
 /// How an agent's action becomes the control of the model's actuators.

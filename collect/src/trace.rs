@@ -8,13 +8,13 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Environment, EnvironmentOptions, Error, Result, Start};
+use crate::{EPISODE_CONTROL_STEPS, Environment, EnvironmentOptions, Error, Result, Start};
 
 /// The name and version of the format.
 pub const TRACE_FORMAT: &str = "vibes-trace/1";
 
 /// An episode at control steps: `T` actions and rewards, `T + 1` observations and positions.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Trace {
     /// [`TRACE_FORMAT`].
     pub format: String,
@@ -122,13 +122,13 @@ impl Trace {
 
     /// The trace as it is before the first row.
     fn header(&self, environment: &Environment) -> Self {
-        let bounds = environment.action_spec();
+        let bounds = environment.control_spec();
         Self {
             format: TRACE_FORMAT.to_owned(),
             versions: [("mujoco".to_owned(), mujoco_rs::mujoco_version().to_owned())].into(),
             control_timestep: environment.control_timestep(),
             physics_timestep: environment.physics().timestep(),
-            step_limit: f64::from(environment.episode_steps()),
+            step_limit: f64::from(EPISODE_CONTROL_STEPS),
             action_min: bounds.min,
             action_max: bounds.max,
             observation_names: environment.observation_spec().into_iter().map(|part| part.name).collect(),
@@ -137,6 +137,24 @@ impl Trace {
             qpos_trace: Vec::new(),
             ..self.clone()
         }
+    }
+
+    /// The first row of a trace of a simulation that has just been reset to `start`.
+    pub(crate) fn begin(environment: &Environment, start: Start, seed: u64) -> Self {
+        let task = environment.name().to_owned();
+        let empty = Self { task, seed, start, ..Self::default() };
+        let mut trace = empty.header(environment);
+        trace.push_row(environment);
+        trace
+    }
+
+    /// Takes one control step and adds it as a row, with the control that the actuators got; returns its reward.
+    pub(crate) fn control_step(&mut self, environment: &mut Environment, action: &[f64]) -> Result<f64> {
+        let reward = environment.control_step(action)?;
+        self.actions.push(environment.physics().control().to_vec());
+        self.rewards.push(reward);
+        self.push_row(environment);
+        Ok(reward)
     }
 
     fn push_row(&mut self, environment: &Environment) {

@@ -1,6 +1,6 @@
 //! `vibes-collect [OPTIONS]`: records.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use anyhow::{Result, bail};
@@ -9,8 +9,8 @@ use vibes_data::{Grid, Recording};
 
 use super::{Outcome, OutputArgs, show};
 use crate::distractors::{Axes, Difficulty, DistractorSettings};
-use crate::plan::RecordOptions;
-use crate::recorder::{RecordRun, record};
+use crate::plan::{ChosenSeeds, RecordOptions};
+use crate::recorder::{Progress, RecordRun, Source, record};
 use crate::render::Look;
 use crate::videos::{VideoSet, VideoSource};
 use crate::{Environment, EnvironmentOptions, PolicyMix, PolicySpec};
@@ -77,6 +77,15 @@ pub(super) struct RecordArgs {
     /// The seed of everything.
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// Seed of the videos alone; then the same states and cameras have other backgrounds.
+    #[arg(long, value_name = "N")]
+    background_seed: Option<u64>,
+    /// Seed of the camera's walk alone.
+    #[arg(long, value_name = "N")]
+    camera_seed: Option<u64>,
+    /// Seed of the colours alone.
+    #[arg(long, value_name = "N")]
+    color_seed: Option<u64>,
     /// Write no MCAP logs, only Arrow tables.
     #[arg(long)]
     no_mcap: bool,
@@ -92,7 +101,7 @@ pub(super) struct RecordArgs {
 }
 
 /// `10x10`, with x, X or ×.
-fn parse_grid(text: &str) -> std::result::Result<Grid, String> {
+pub(super) fn parse_grid(text: &str) -> std::result::Result<Grid, String> {
     let parts: Vec<&str> = text.split(['x', 'X', '×']).collect();
     let count = |part: &str| part.trim().parse::<u32>().ok().filter(|count| (1..=10_000).contains(count));
     match parts.as_slice() {
@@ -129,6 +138,12 @@ impl RecordArgs {
             video_count: self.video_count.map(usize::from),
             size: (!self.no_pixels).then_some(self.size),
             look: self.render,
+            axis_seeds: ChosenSeeds {
+                background: self.background_seed,
+                camera: self.camera_seed,
+                color: self.color_seed,
+            },
+            rotated: None,
         })
     }
 
@@ -141,39 +156,59 @@ impl RecordArgs {
     }
 }
 
-#[allow(clippy::print_stdout, clippy::print_stderr, reason = "the command line says what it did")]
 pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
     let options = args.resolve()?;
     let folder = args.folder(&options);
     let stop = stop_on_interrupt()?;
     let threads = args.threads.map_or_else(cores, usize::from);
-    let run = RecordRun { options: &options, seed: args.seed, threads, with_mcap: !args.no_mcap, stop };
-    let meter = show::Meter::new(u64::from(options.episodes), output.quiet || output.json);
-    let rows = AtomicU64::new(0);
-    let recording = record(&folder, &run, &|progress| {
+    let run = RecordRun {
+        options: &options,
+        seed: args.seed,
+        threads,
+        with_mcap: !args.no_mcap,
+        source: Source::Simulation,
+        turn: 0.0,
+        stop,
+    };
+    told(&folder, u64::from(options.episodes), output, |report| record(&folder, &run, report))
+}
+
+/// Records with a progress bar, and says what came of it: how many of the `wanted` episodes there are.
+#[allow(clippy::print_stdout, reason = "the command line says what it did")]
+pub(super) fn told(
+    folder: &Path,
+    wanted: u64,
+    output: OutputArgs,
+    record: impl FnOnce(&(dyn Fn(Progress) + Sync)) -> crate::Result<Recording>,
+) -> Result<Outcome> {
+    let meter = show::Meter::new(wanted, output.quiet || output.json);
+    let (rows, finished) = (AtomicU64::new(0), AtomicU64::new(0));
+    let recording = record(&|progress: Progress| {
         rows.fetch_max(progress.rows, Ordering::Relaxed);
+        finished.fetch_max(progress.episodes, Ordering::Relaxed);
         meter.tell(progress);
     });
     meter.finish();
-    let recording = recording?;
+    let finished = finished.into_inner();
+    let recording = match recording {
+        Err(error) if finished > 0 => {
+            let kept = format!("stopped; the {finished} finished episodes are kept, and the same command goes on");
+            return Err(anyhow::Error::from(error).context(kept));
+        }
+        recording => recording?,
+    };
+    let episodes = recording.episodes().len();
     if output.json {
-        println!(
-            "{}",
-            serde_json::json!({ "recording": folder, "episodes": recording.episodes().len(), "seconds": meter.seconds() })
-        );
+        let said = serde_json::json!({ "recording": folder, "episodes": episodes, "seconds": meter.seconds() });
+        println!("{said}");
     } else if !output.quiet {
         if rows.into_inner() == 0 {
-            println!("all {} episodes are there already and used again", recording.episodes().len());
+            println!("all {episodes} episodes are there already and used again");
         }
         say(&recording, meter.seconds());
     }
-    if recording.episodes().len() < options.episodes as usize {
-        bail!(
-            "stopped after {} of {} episodes; the same command goes on: {}",
-            recording.episodes().len(),
-            options.episodes,
-            folder.display()
-        );
+    if (episodes as u64) < wanted {
+        bail!("stopped after {episodes} of {wanted} episodes; the same command goes on: {}", folder.display());
     }
     Ok(Outcome::Done)
 }
@@ -194,7 +229,7 @@ fn say(recording: &Recording, seconds: f64) {
 }
 
 /// Ctrl-C finishes the episodes at hand; a second one ends the program at once.
-fn stop_on_interrupt() -> Result<&'static AtomicBool> {
+pub(super) fn stop_on_interrupt() -> Result<&'static AtomicBool> {
     static STOP: AtomicBool = AtomicBool::new(false);
     ctrlc::set_handler(|| {
         if STOP.swap(true, Ordering::Relaxed) {
@@ -204,7 +239,7 @@ fn stop_on_interrupt() -> Result<&'static AtomicBool> {
     Ok(&STOP)
 }
 
-fn cores() -> usize {
+pub(super) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
 }
 

@@ -1,30 +1,42 @@
-//! `vibes-collect replay TRACE.json`: simulates a trace again and compares, or feeds a distractor trace through the distractors.
+//! `vibes-collect replay`: simulates a trace or a recorded episode again and compares, or feeds a distractor trace through the distractors.
 
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use clap::Args;
+use vibes_data::Recording;
 
 use super::replay_distractors::{self, Pictures};
 use super::{Outcome, OutputArgs};
 use crate::distractor_trace::FORMAT as DISTRACTOR_FORMAT;
-use crate::render::Look;
-use crate::{Error, Trace};
+use crate::frames::draw_frames;
+use crate::render::{Look, RenderSettings};
+use crate::replay::{EpisodeErrors, environment_of_spec, replay_episode};
+use crate::{Environment, EnvironmentOptions, Error, Trace};
 
 #[derive(Debug, Args)]
 pub(super) struct ReplayArgs {
-    /// A trace in the vibes-trace/1 format, or a vibes-distractor-trace/1.
+    /// A trace in the vibes-trace/1 format, a vibes-distractor-trace/1, or a recording.
     trace: PathBuf,
+    /// Which episode of a recording.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    episode: u32,
     /// Write what this simulator makes of it, in the same format.
     #[arg(long, value_name = "GOT.json")]
     out: Option<PathBuf>,
     /// Largest error that still counts as agreement.
     #[arg(long, default_value_t = 1e-9)]
     tolerance: f64,
+    /// Draw every step without distractors into this folder, one PNG each.
+    #[arg(long, value_name = "DIR")]
+    frames: Option<PathBuf>,
+    /// Side of those pictures, pixels.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=2048))]
+    size: u32,
     /// Folder with a distractor trace's video: draw its pictures too, and compare them.
     #[arg(long, value_name = "DIR")]
     videos: Option<PathBuf>,
-    /// The look of those pictures: suite (at most 2 levels of 255 off) or fast (at least 28 dB).
+    /// The look of pictures: suite, or fast. A distractor trace's may be 2 levels of 255 off, or have at least 28 dB.
     #[arg(long, default_value = "suite")]
     render: Look,
 }
@@ -40,24 +52,68 @@ fn is_distractor_trace(path: &PathBuf) -> Result<bool> {
     Ok(serde_json::from_str::<Header>(&text).is_ok_and(|header| header.format == DISTRACTOR_FORMAT))
 }
 
-#[allow(clippy::print_stdout, reason = "the command line's result")]
 pub(super) fn run(args: &ReplayArgs, output: OutputArgs) -> Result<Outcome> {
+    if args.trace.is_dir() {
+        return replay_recording(args, output);
+    }
     if is_distractor_trace(&args.trace)? {
         let pictures = args.videos.as_deref().map(|videos| Pictures { videos, look: args.render });
         return replay_distractors::run(&args.trace, args.tolerance, pictures, output);
     }
     let trace = Trace::read(&args.trace)?;
     let got = trace.replay()?;
-    if let Some(path) = &args.out {
-        got.write(path).with_context(|| "the replayed trace".to_owned())?;
-    }
+    let mut environment = Environment::new(&trace.task, EnvironmentOptions::default())?;
+    args.write(&mut environment, &got, &got.qpos_trace)?;
     let errors = trace.compare(&got);
-    if output.json {
-        println!("{}", serde_json::to_string(&errors)?);
-    } else if !output.quiet {
-        let shown = |error: Option<f64>| error.map_or("not in the trace".to_owned(), |error| format!("{error:.3e}"));
-        let [observations, rewards, qpos] = [errors.observations, errors.rewards, errors.qpos].map(shown);
-        println!("largest error: observations {observations}, rewards {rewards}, qpos {qpos}");
+    let named = [("observations", errors.observations), ("rewards", errors.rewards), ("qpos", errors.qpos)];
+    args.say(&named, errors.largest(), &serde_json::to_value(errors)?, output)
+}
+
+/// Simulates one episode of a recording again.
+fn replay_recording(args: &ReplayArgs, output: OutputArgs) -> Result<Outcome> {
+    let recording = Recording::open(&args.trace)?;
+    let again = replay_episode(&recording, args.episode)?;
+    let mut environment = environment_of_spec(&recording.manifest().spec)?;
+    args.write(&mut environment, &again.trace, &again.positions)?;
+    let EpisodeErrors { qpos, qvel, observations, rewards } = again.errors;
+    let named = [("observations", observations), ("rewards", rewards), ("qpos", qpos), ("qvel", qvel)];
+    args.say(
+        &named.map(|(name, error)| (name, Some(error))),
+        again.errors.largest(),
+        &serde_json::to_value(again.errors)?,
+        output,
+    )
+}
+
+impl ReplayArgs {
+    /// The trace and the pictures, where they are asked for.
+    fn write(&self, environment: &mut Environment, got: &Trace, positions: &[Vec<f64>]) -> Result<()> {
+        if let Some(path) = &self.out {
+            got.write(path).with_context(|| "the replayed trace".to_owned())?;
+        }
+        if let Some(folder) = &self.frames {
+            let settings = RenderSettings { size: self.size as usize, look: self.render };
+            draw_frames(environment, &got.start, positions, settings, folder)?;
+        }
+        Ok(())
     }
-    Ok(if errors.largest() <= args.tolerance { Outcome::Done } else { Outcome::Failed })
+
+    #[allow(clippy::print_stdout, reason = "the command line's result")]
+    fn say(
+        &self,
+        named: &[(&str, Option<f64>)],
+        largest: f64,
+        json: &serde_json::Value,
+        output: OutputArgs,
+    ) -> Result<Outcome> {
+        if output.json {
+            println!("{json}");
+        } else if !output.quiet {
+            let shown =
+                |error: &Option<f64>| error.map_or("not in the trace".to_owned(), |error| format!("{error:.3e}"));
+            let errors: Vec<String> = named.iter().map(|(name, error)| format!("{name} {}", shown(error))).collect();
+            println!("largest error: {}", errors.join(", "));
+        }
+        Ok(if largest <= self.tolerance { Outcome::Done } else { Outcome::Failed })
+    }
 }

@@ -26,26 +26,28 @@ pub struct PlannerSettings {
     pub kept: usize,
     /// Share of the samples that vary no plan but the middle of the action bounds, so that no habit lasts for ever.
     pub fresh: f64,
+    /// Standard deviation of the widest variation, as a share of half the action range; well above 1, most actions are at a bound.
+    pub widest: f64,
 }
 
 impl PlannerSettings {
     /// Settings that were found to work for a task; others get those of `walker-walk`.
     pub fn for_task(task: &str) -> Self {
-        let settings = |horizon, knots, samples, kept, fresh| Self { horizon, knots, samples, kept, fresh };
+        let settings =
+            |horizon, knots, samples, kept, fresh| Self { horizon, knots, samples, kept, fresh, widest: 1.0 };
         match task {
             "ball_in_cup-catch" => settings(12, 5, 64, 1, 0.25),
             "cartpole-swingup" => settings(16, 5, 48, 1, 0.25),
             "cheetah-run" => settings(15, 5, 40, 1, 0.1),
-            "finger-spin" => settings(10, 10, 800, 8, 0.4),
+            // A body is spun by short hard flicks: plans that are rough and end soon.
+            "finger-spin" => Self { widest: 4.0, ..settings(6, 6, 400, 4, 0.5) },
             "reacher-easy" => settings(15, 5, 32, 1, 0.25),
             _ => settings(16, 5, 24, 1, 0.1),
         }
     }
 }
 
-/// The widest variation has this standard deviation, as a share of half the action range, and the finest this share of the widest: finding a way
-/// needs wide ones, keeping still in a goal fine ones.
-const WIDEST: f64 = 1.0;
+/// The finest variation has this share of the widest's standard deviation: finding a way needs wide ones, keeping still in a goal fine ones.
 const FINEST: f64 = 1.0 / 30.0;
 
 /// Actions over the horizon `[horizon, action]`, in the action's bounds.
@@ -110,11 +112,11 @@ impl Planner {
         let fresh = (self.settings.fresh * self.settings.samples as f64) as usize;
         for sample in self.plans.len()..self.settings.samples {
             let actions = if sample <= fresh {
-                self.variation(&self.rest(), WIDEST, rng)
+                self.variation(&self.rest(), self.settings.widest, rng)
             } else {
                 // The best plan is varied most often.
                 let rank = (self.plans.len() as f64 * rng.random::<f64>().powi(2)) as usize;
-                let width = WIDEST * FINEST.powf(rng.random::<f64>());
+                let width = self.settings.widest * FINEST.powf(rng.random::<f64>());
                 self.variation(&self.plans[rank].actions, width, rng)
             };
             self.consider(actions);

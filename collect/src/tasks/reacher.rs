@@ -7,8 +7,8 @@ use vibes_data::ObservationPart;
 
 use super::random_joints::randomize_joints;
 use super::{Actuation, Loaded, Task, Tolerance, part};
-use crate::Result;
 use crate::physics::{ModelOverrides, Physics, suite_xml};
+use crate::{Result, Start};
 
 const NAME: &str = "reacher-easy";
 /// One physics step of 20 ms is a control step.
@@ -21,7 +21,11 @@ const TARGET_RADIUS: f64 = 0.05;
 /// Loads the model and the task.
 pub(super) fn load() -> Result<Loaded> {
     let physics = Physics::from_xml(NAME, suite_xml("reacher.xml")?)?;
-    let task = Reacher { finger: physics.geom("finger")?, target: physics.geom("target")? };
+    let task = Reacher {
+        finger: physics.geom("finger")?,
+        target: physics.geom("target")?,
+        shoulder: physics.joint_qpos("shoulder")?,
+    };
     Ok(Loaded {
         name: NAME.to_owned(),
         physics,
@@ -36,6 +40,7 @@ pub(super) fn load() -> Result<Loaded> {
 struct Reacher {
     finger: usize,
     target: usize,
+    shoulder: usize,
 }
 
 impl Reacher {
@@ -79,5 +84,14 @@ impl Task for Reacher {
         let [x, y] = self.to_target(physics);
         let sizes = physics.model().geom_size();
         Tolerance::within(0.0, sizes[self.target][0] + sizes[self.finger][0]).value((x * x + y * y).sqrt())
+    }
+
+    /// The arena is level and the arm's first joint stands in its middle: arm and target turn together.
+    fn rotate(&self, state: &mut Start, angle: f64) -> bool {
+        let Some(&[x, y, height]) = state.model_overrides.get("geom_pos", "target") else { return false };
+        let (sin, cos) = angle.sin_cos();
+        state.model_overrides.set("geom_pos", "target", &[cos * x - sin * y, sin * x + cos * y, height]);
+        state.qpos[self.shoulder] += angle;
+        true
     }
 }

@@ -1,0 +1,112 @@
+//! `vibes-collect render RECORDING -o NEW`: a recording drawn again.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use clap::Args;
+use vibes_data::Recording;
+
+use super::record::{cores, stop_on_interrupt, told};
+use super::{Outcome, OutputArgs};
+use crate::distractors::{Axes, Difficulty};
+use crate::plan::ChosenSeeds;
+use crate::redraw::{NewDistractors, Redraw};
+use crate::render::Look;
+use crate::videos::{VideoSet, VideoSource};
+
+#[derive(Debug, Args)]
+pub(super) struct RenderArgs {
+    /// The recording's folder.
+    recording: PathBuf,
+    /// The new recording's folder.
+    #[arg(short, long, value_name = "NEW")]
+    output: PathBuf,
+    /// Which distractors: background, camera, color, or all, or none [default: those that are stored].
+    #[arg(long, value_name = "LIST")]
+    distract: Option<Axes>,
+    /// How far the distractors go: easy, medium or hard.
+    #[arg(long)]
+    difficulty: Option<Difficulty>,
+    /// Distractors move during an episode.
+    #[arg(long, conflicts_with = "static")]
+    dynamic: bool,
+    /// Distractors keep what they are at the start of the episode.
+    #[arg(long = "static")]
+    r#static: bool,
+    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS, or `procedural` for the built-in ones.
+    #[arg(long, value_name = "DIR")]
+    videos: Option<PathBuf>,
+    /// train or val.
+    #[arg(long)]
+    video_set: Option<VideoSet>,
+    /// Number of videos.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    video_count: Option<u16>,
+    /// Seed of new distractors; the states stay.
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Seed of the videos alone.
+    #[arg(long, value_name = "N")]
+    background_seed: Option<u64>,
+    /// Seed of the camera's walk alone.
+    #[arg(long, value_name = "N")]
+    camera_seed: Option<u64>,
+    /// Seed of the colours alone.
+    #[arg(long, value_name = "N")]
+    color_seed: Option<u64>,
+    /// Side of the pictures, pixels [default: the recording's].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=2048))]
+    size: Option<u32>,
+    /// fast, or suite for pixels as the Distracting Control Suite's own [default: the recording's].
+    #[arg(long)]
+    render: Option<Look>,
+    /// Turn every state about the origin: reacher's symmetry.
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = parse_degrees)]
+    rotate: Option<f64>,
+    /// Write no MCAP logs, only Arrow tables [default: as the recording has them].
+    #[arg(long)]
+    no_mcap: bool,
+    /// Worker threads, each with a render context [default: one per core].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    threads: Option<u16>,
+}
+
+fn parse_degrees(text: &str) -> Result<f64, String> {
+    let degrees: f64 = text.parse().map_err(|_error| "degrees are a number".to_owned())?;
+    if degrees.is_finite() && degrees.abs() <= 360.0 { Ok(degrees) } else { Err("degrees are -360 to 360".to_owned()) }
+}
+
+impl RenderArgs {
+    fn redraw(&self) -> Redraw {
+        let source = |folder: &PathBuf| match folder.to_str() {
+            Some("procedural") => VideoSource::Procedural,
+            _ => VideoSource::Folder(folder.clone()),
+        };
+        let seeds = [self.background_seed, self.camera_seed, self.color_seed];
+        let [background, camera, color] = seeds;
+        Redraw {
+            distractors: NewDistractors {
+                axes: self.distract,
+                difficulty: self.difficulty,
+                dynamic: self.dynamic.then_some(true).or(self.r#static.then_some(false)),
+                videos: self.videos.as_ref().map(source),
+                video_set: self.video_set,
+                video_count: self.video_count.map(usize::from),
+                seed: self.seed,
+                axis_seeds: ChosenSeeds { background, camera, color },
+            },
+            size: self.size,
+            look: self.render,
+            rotate: self.rotate,
+            with_mcap: self.no_mcap.then_some(false),
+        }
+    }
+}
+
+pub(super) fn run(args: &RenderArgs, output: OutputArgs) -> Result<Outcome> {
+    let recording = Recording::open(&args.recording)?;
+    let run = (args.threads.map_or_else(cores, usize::from), stop_on_interrupt()?);
+    let wanted = recording.episodes().len() as u64;
+    let redraw = args.redraw();
+    told(&args.output, wanted, output, |report| redraw.draw(&recording, &args.output, run, report))
+}

@@ -1,0 +1,189 @@
+//! Makes a recording larger: more rows, more columns, more episodes.
+//!
+//! In: a recording and how large it is to be. Out: the recording that the larger size would have made from the start, byte for byte, since every
+//! trajectory's seed depends on the recording's seed and its own number alone. What is there is kept: states of known rows are not simulated again,
+//! pictures not drawn again.
+//!
+//! New rows and episodes are added where the recording lies, after a new manifest that asks for them. New columns change the numbers of the old
+//! episodes, so the larger recording is made beside the old one and takes its place in one step when it is whole.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+use vibes_data::{EpisodeEntry, Grid, Manifest, Recording};
+
+use crate::plan::{RecordOptions, state_seed};
+use crate::recorder::{Progress, RecordRun, Source, record};
+use crate::stored::{has_logs, options_of};
+use crate::{Error, Result};
+
+/// How large a recording is to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Size {
+    /// Rows and columns of a grid.
+    Grid(Grid),
+    /// Independent episodes.
+    Episodes(u32),
+}
+
+impl Size {
+    fn of(options: &RecordOptions) -> Self {
+        options.grid.map_or(Self::Episodes(options.episodes), Self::Grid)
+    }
+
+    /// Number of episodes.
+    pub fn episodes(self) -> u32 {
+        match self {
+            Self::Grid(grid) => grid.states * grid.distractors,
+            Self::Episodes(count) => count,
+        }
+    }
+
+    fn holds(self, other: Self) -> bool {
+        match (self, other) {
+            (Self::Grid(large), Self::Grid(small)) => {
+                large.states >= small.states && large.distractors >= small.distractors
+            }
+            (Self::Episodes(large), Self::Episodes(small)) => large >= small,
+            _ => false,
+        }
+    }
+
+    fn named(self) -> String {
+        match self {
+            Self::Grid(grid) => format!("a grid of {}x{}", grid.states, grid.distractors),
+            Self::Episodes(count) => format!("{count} episodes"),
+        }
+    }
+}
+
+/// How it is done.
+#[derive(Clone, Copy, Debug)]
+pub struct ExtendRun<'a> {
+    /// Worker threads.
+    pub threads: usize,
+    /// Set from outside to stop after the episodes at hand.
+    pub stop: &'a AtomicBool,
+}
+
+/// Makes the recording at `path` as large as `size`. Stopped or killed, the same call goes on; until then the recording is what it was, or that and
+/// some of the new episodes.
+///
+/// # Errors
+/// [`Error::Shrinks`] for a smaller size, [`Error::NotAsPlanned`] for a recording that was put together, and whatever recording may fail of.
+pub fn extend(path: &Path, size: Size, run: ExtendRun<'_>, report: &(dyn Fn(Progress) + Sync)) -> Result<Recording> {
+    let places = Places::of(path)?;
+    places.recover()?;
+    let recording = Recording::open(path)?;
+    let old = options_of(&recording)?;
+    check(&recording, &old, size)?;
+    let options = match size {
+        Size::Grid(grid) => RecordOptions { grid: Some(grid), episodes: size.episodes(), ..old.clone() },
+        Size::Episodes(episodes) => RecordOptions { episodes, ..old.clone() },
+    };
+    let is_wider = options.grid.map(|grid| grid.distractors) != old.grid.map(|grid| grid.distractors);
+    let source = if is_wider { Source::Grid(&recording) } else { Source::Simulation };
+    let seed = recording.manifest().seed;
+    let with_mcap = has_logs(&recording);
+    let record_run =
+        RecordRun { options: &options, seed, threads: run.threads, with_mcap, source, turn: 0.0, stop: run.stop };
+    if !is_wider {
+        places.clear()?;
+        ask_for(&recording, &options)?;
+        return record(path, &record_run, report);
+    }
+    let wider = record(&places.larger, &record_run, report)?;
+    if wider.episodes().len() < options.episodes as usize {
+        return Ok(wider);
+    }
+    places.exchange()?;
+    places.clear()?;
+    Ok(Recording::open(path)?)
+}
+
+/// Whether the recording holds what its options make, and may grow to `size`.
+fn check(recording: &Recording, options: &RecordOptions, size: Size) -> Result<()> {
+    let path = recording.path();
+    let found = Size::of(options);
+    if !size.holds(found) {
+        return Err(Error::Shrinks { found: found.named(), asked: size.named(), path: path.into() });
+    }
+    let fault = |fact: String| Err(Error::NotAsPlanned { fact, path: path.into() });
+    if options.rotated.is_some() {
+        return fault("its states were turned about the origin".to_owned());
+    }
+    let seed = recording.manifest().seed;
+    let planned: Vec<_> = options.episodes().collect();
+    let is_planned = |entry: &EpisodeEntry| {
+        planned.get(entry.index as usize).is_some_and(|planned| {
+            planned.cell == entry.cell && entry.seed == state_seed(seed, planned.state) && entry.steps == options.steps
+        })
+    };
+    match recording.episodes().iter().find(|entry| !is_planned(entry)) {
+        Some(entry) => fault(format!("its episode {} is not the one that its options make", entry.index)),
+        None => Ok(()),
+    }
+}
+
+/// Writes a manifest that asks for more; the episodes that are there stay in it.
+fn ask_for(recording: &Recording, options: &RecordOptions) -> Result<()> {
+    let asked = Manifest {
+        grid: options.grid,
+        options: serde_json::to_value(options).unwrap_or_default(),
+        ..recording.manifest().clone()
+    };
+    Ok(asked.write(&recording.path().join("manifest.json"))?)
+}
+
+/// The recording and what lies beside it while it grows, all in one folder.
+#[derive(Debug)]
+struct Places {
+    recording: PathBuf,
+    /// The larger recording until it is whole; the old one after the exchange.
+    larger: PathBuf,
+    /// The old one, on file systems that cannot exchange two folders in one step.
+    before: PathBuf,
+}
+
+impl Places {
+    fn of(path: &Path) -> Result<Self> {
+        let recording = std::path::absolute(path).map_err(Error::io("find", path))?;
+        let beside = |ending: &str| {
+            let mut name = OsString::from(".");
+            name.push(recording.file_name().unwrap_or_default());
+            name.push(ending);
+            recording.with_file_name(name)
+        };
+        Ok(Self { larger: beside(".extending"), before: beside(".before-extending"), recording })
+    }
+
+    /// Finishes an exchange that was cut off between its two steps.
+    fn recover(&self) -> Result<()> {
+        if !self.recording.exists() && self.before.is_dir() {
+            std::fs::rename(&self.before, &self.recording).map_err(Error::io("put back", &self.before))?;
+        }
+        Ok(())
+    }
+
+    /// Puts the larger recording in the place of the old one.
+    fn exchange(&self) -> Result<()> {
+        if renameat_with(CWD, &self.larger, CWD, &self.recording, RenameFlags::EXCHANGE).is_ok() {
+            return Ok(());
+        }
+        let rename = |from: &Path, to: &Path| std::fs::rename(from, to).map_err(Error::io("rename", from));
+        rename(&self.recording, &self.before)?;
+        rename(&self.larger, &self.recording)
+    }
+
+    /// Removes what an extension left beside the recording, which holds all of it by now.
+    fn clear(&self) -> Result<()> {
+        for folder in [&self.larger, &self.before] {
+            if folder.is_dir() {
+                std::fs::remove_dir_all(folder).map_err(Error::io("remove", folder))?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,105 @@
+//! Simulates a recorded episode again and compares it row by row.
+//!
+//! In: a recording and the number of an episode. Out: the largest difference of every stored column, and the episode as a [`Trace`] of control steps
+//! with our own numbers. Observations and rewards are compared as a recording keeps them, in single precision.
+
+use serde::Serialize;
+use vibes_data::{EpisodeView, Recording, Spec};
+
+use crate::stored::start_of;
+use crate::{Environment, EnvironmentOptions, Result, Trace};
+
+/// The largest absolute difference of each column.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct EpisodeErrors {
+    /// Of the positions, in double precision.
+    pub qpos: f64,
+    /// Of the velocities, in double precision.
+    pub qvel: f64,
+    /// Of the observations, in single precision.
+    pub observations: f64,
+    /// Of the rewards, in single precision.
+    pub rewards: f64,
+}
+
+impl EpisodeErrors {
+    /// The largest of all; infinite when a number is not finite.
+    pub fn largest(&self) -> f64 {
+        let all = [self.qpos, self.qvel, self.observations, self.rewards];
+        all.into_iter().fold(0.0, |largest: f64, next| if next.is_finite() { largest.max(next) } else { f64::INFINITY })
+    }
+}
+
+/// An episode that was simulated again.
+#[derive(Clone, Debug)]
+pub struct ReplayedEpisode {
+    /// How far the recording is from it.
+    pub errors: EpisodeErrors,
+    /// It, at control steps: the actions are those of the actuators.
+    pub trace: Trace,
+    /// Positions at every row of the recording.
+    pub positions: Vec<Vec<f64>>,
+}
+
+/// The environment of any recording, by its spec alone.
+///
+/// # Errors
+/// For a task that is not known.
+pub fn environment_of_spec(spec: &Spec) -> Result<Environment> {
+    let options = EnvironmentOptions { action_repeat: Some(spec.action_repeat), raw_torques: false };
+    let environment = Environment::new(&spec.task, options)?;
+    if environment.action_len() == spec.action_len() {
+        return Ok(environment);
+    }
+    Environment::new(&spec.task, EnvironmentOptions { raw_torques: true, ..options })
+}
+
+/// Simulates an episode again from its first row and its actions.
+///
+/// # Errors
+/// When the episode is not there or damaged, its task is unknown, or the simulation becomes unstable.
+pub fn replay_episode(recording: &Recording, index: u32) -> Result<ReplayedEpisode> {
+    let view = recording.episode(index)?;
+    let entry = &recording.episodes()[recording.episodes().partition_point(|entry| entry.index < index)];
+    let mut environment = environment_of_spec(&recording.manifest().spec)?;
+    let start = start_of(recording.path(), entry, &view)?;
+    environment.reset_to(&start)?;
+    let mut trace = Trace::begin(&environment, start, entry.seed);
+    let mut errors = EpisodeErrors::default();
+    let mut positions = Vec::new();
+    compare_row(&mut errors, &environment, &view, 0);
+    positions.push(environment.physics().qpos().to_vec());
+    for step in 0..view.steps() {
+        let action: Vec<f64> = view.action(step).iter().map(|&number| f64::from(number)).collect();
+        let mut reward = 0.0;
+        for _ in 0..environment.action_repeat() {
+            reward += trace.control_step(&mut environment, &action)?;
+        }
+        larger(&mut errors.rewards, f64::from(view.reward(step)), f64::from(reward as f32));
+        compare_row(&mut errors, &environment, &view, step + 1);
+        positions.push(environment.physics().qpos().to_vec());
+    }
+    Ok(ReplayedEpisode { errors, trace, positions })
+}
+
+fn compare_row(errors: &mut EpisodeErrors, environment: &Environment, view: &EpisodeView, row: usize) {
+    let physics = environment.physics();
+    let pairs = |stored: &[f64], again: &[f64], largest: &mut f64| {
+        stored.iter().zip(again).for_each(|(&stored, &again)| larger(largest, stored, again));
+    };
+    pairs(view.qpos(row), physics.qpos(), &mut errors.qpos);
+    pairs(view.qvel(row), physics.qvel(), &mut errors.qvel);
+    let mut observation = Vec::new();
+    environment.observe(&mut observation);
+    for (&stored, again) in view.observation(row).iter().zip(observation) {
+        larger(&mut errors.observations, f64::from(stored), f64::from(again as f32));
+    }
+}
+
+/// Keeps the largest difference; one that is no number stays.
+fn larger(largest: &mut f64, stored: f64, again: f64) {
+    let difference = (stored - again).abs();
+    if difference.is_nan() || difference > *largest {
+        *largest = if difference.is_nan() { f64::INFINITY } else { difference };
+    }
+}

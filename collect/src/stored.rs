@@ -1,0 +1,97 @@
+//! Recorded episodes, taken up again: what a recording keeps of an episode is enough to draw it anew and to go on from it.
+//!
+//! In: a recording. Out: its options, and an episode's states and distractors as what they were before they were drawn. Single precision on disk
+//! is where both came from ([`crate::rollout`] executes what is stored), so that nothing is lost on the way.
+
+use std::path::Path;
+
+use vibes_data::{EpisodeEntry, EpisodeInfo, EpisodeView, Recording, sha256_hex};
+
+use crate::distractors::DistractorTrajectory;
+use crate::plan::RecordOptions;
+use crate::{Environment, Error, ModelOverrides, Result, Start, StateTrajectory};
+
+/// The options a recording was made with.
+///
+/// # Errors
+/// [`Error::Malformed`] when they are not this program's, as in a recording that was imported.
+pub fn options_of(recording: &Recording) -> Result<RecordOptions> {
+    serde_json::from_value(recording.manifest().options.clone()).map_err(|error| {
+        let expected = "the manifest holds the options of a recording that vibes-collect made";
+        Error::malformed(recording.path(), format!("its options cannot be read ({error})"), expected)
+    })
+}
+
+/// Whether MCAP logs lie beside the tables; yes when nothing is there yet.
+pub fn has_logs(recording: &Recording) -> bool {
+    let episodes = recording.episodes();
+    episodes.is_empty() || episodes.iter().any(|entry| entry.mcap.is_some())
+}
+
+/// Whether an episode's table is what was written.
+pub fn is_intact(recording: &Recording, entry: &EpisodeEntry) -> bool {
+    std::fs::read(recording.path().join(&entry.arrow.path)).is_ok_and(|bytes| sha256_hex(&bytes) == entry.arrow.sha256)
+}
+
+/// What the manifest says of an episode beside its columns.
+pub fn info_of(entry: &EpisodeEntry) -> EpisodeInfo {
+    EpisodeInfo { policy: entry.policy.clone(), seed: entry.seed, model_overrides: entry.model_overrides.clone() }
+}
+
+/// Where an episode starts.
+///
+/// # Errors
+/// [`Error::Malformed`] for model overrides that cannot be read.
+pub fn start_of(recording: &Path, entry: &EpisodeEntry, view: &EpisodeView) -> Result<Start> {
+    let overrides = match &entry.model_overrides {
+        serde_json::Value::Null => Ok(ModelOverrides::default()),
+        given => serde_json::from_value(given.clone()),
+    };
+    let model_overrides = overrides.map_err(|error| {
+        let fact = format!("episode {}: its model overrides cannot be read ({error})", entry.index);
+        Error::malformed(recording, fact, "they name fields, objects and numbers")
+    })?;
+    Ok(Start { qpos: view.qpos(0).to_vec(), qvel: view.qvel(0).to_vec(), model_overrides, ..Start::default() })
+}
+
+/// An episode's states.
+///
+/// # Errors
+/// As [`start_of`].
+pub fn states_of(recording: &Path, entry: &EpisodeEntry, view: &EpisodeView) -> Result<StateTrajectory> {
+    let wide = |numbers: &[f32]| -> Vec<f64> { numbers.iter().map(|&number| f64::from(number)).collect() };
+    Ok(StateTrajectory {
+        start: start_of(recording, entry, view)?,
+        actions: (0..view.steps()).map(|step| wide(view.action(step))).collect(),
+        rewards: (0..view.steps()).map(|step| f64::from(view.reward(step))).collect(),
+        observations: (0..view.rows()).map(|row| wide(view.observation(row))).collect(),
+        qpos: (0..view.rows()).map(|row| view.qpos(row).to_vec()).collect(),
+        qvel: (0..view.rows()).map(|row| view.qvel(row).to_vec()).collect(),
+    })
+}
+
+/// An episode's distractors.
+pub fn distractors_of(view: &EpisodeView) -> DistractorTrajectory {
+    DistractorTrajectory {
+        cameras: (0..view.rows()).map(|row| view.camera(row)).collect(),
+        backgrounds: (0..view.rows()).map(|row| view.background(row)).collect(),
+        colors: (0..view.rows()).flat_map(|row| view.colors(row).to_vec()).collect(),
+    }
+}
+
+/// Turns all states of an episode about the origin, by `degrees`; what is observed is observed again.
+///
+/// # Errors
+/// [`Error::NoRotation`].
+pub fn rotate(states: &mut StateTrajectory, environment: &mut Environment, degrees: f64) -> Result<()> {
+    let start = states.start.clone();
+    environment.rotate(&mut states.start, degrees.to_radians())?;
+    for row in 0..states.qpos.len() {
+        let mut state = Start { qpos: states.qpos[row].clone(), qvel: states.qvel[row].clone(), ..start.clone() };
+        environment.rotate(&mut state, degrees.to_radians())?;
+        environment.reset_to(&state)?;
+        environment.observe(&mut states.observations[row]);
+        states.qpos[row] = state.qpos;
+    }
+    Ok(())
+}
