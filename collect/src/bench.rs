@@ -1,12 +1,17 @@
-//! The collector's rate card: how fast this machine simulates and draws, and where the time goes.
+//! The collector's rate card: how fast this machine simulates, draws and writes, and where the time goes.
 //!
-//! In: tasks and how long to measure. Out: [`DrawingRate`]s and [`PhysicsRate`]s, one at a time, so that whoever asks can print them as they come.
+//! In: tasks and how long to measure. Out: [`PhysicsRate`]s, [`DrawingRate`]s and [`WritingRate`]s, one at a time, so that whoever asks can print
+//! them as they come.
+
+mod writing;
 
 use std::time::Instant;
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
+
+pub use writing::{FileRate, Limits, WRITING_STAGES, WritingRate, writing_rate};
 
 use crate::distractors::DistractorSettings;
 use crate::render::{RenderSettings, Speed, SpeedTrial};
@@ -42,6 +47,8 @@ pub struct DrawingRate {
     /// Microseconds per picture on one thread, stage by stage, each waited for: simulating, making the scene, uploading the video frame,
     /// drawing, reading back.
     pub microseconds: [f64; 5],
+    /// Microseconds of rendering when no body is in the scene: what a picture costs before anything is in it.
+    pub empty_render: f64,
 }
 
 /// The names of [`DrawingRate::microseconds`].
@@ -107,9 +114,13 @@ pub fn drawing_rate(task: &str, case: &DrawingCase, videos: &VideoLibrary) -> Re
         pictures: case.count,
         threads: case.threads,
         separate_stages: false,
+        is_empty: false,
     };
     let speed = trial.run()?;
     let staged = SpeedTrial { separate_stages: true, threads: 1, pictures: case.count.div_ceil(4), ..trial }.run()?;
+    let empty =
+        SpeedTrial { separate_stages: true, threads: 1, pictures: case.count.div_ceil(4), is_empty: true, ..trial }
+            .run()?;
     Ok(DrawingRate {
         task: task.to_owned(),
         pictures: case.pictures,
@@ -118,6 +129,7 @@ pub fn drawing_rate(task: &str, case: &DrawingCase, videos: &VideoLibrary) -> Re
         threads: case.threads,
         pictures_per_second: speed.pictures_per_second(),
         microseconds: microseconds(&staged),
+        empty_render: microseconds(&empty)[3],
     })
 }
 

@@ -37,6 +37,8 @@ pub struct SpeedTrial<'a> {
     pub threads: usize,
     /// Wait for every stage to end, so that [`Speed::stages`] are true; slower.
     pub separate_stages: bool,
+    /// Leave every body out of the scene.
+    pub is_empty: bool,
 }
 
 /// Time spent in the stages of drawing, summed over threads.
@@ -120,6 +122,9 @@ impl SpeedTrial<'_> {
         let mut renderer = Renderer::new(self.settings, self.domain, self.model)?;
         let mut picture = vec![0; renderer.picture_bytes()];
         renderer.separate_stages(self.separate_stages);
+        if self.is_empty {
+            renderer.option.geomgroup = [0; 6];
+        }
         renderer.begin_episode(data.qpos())?;
         renderer.draw(data.qpos(), &View::default(), self.videos, &mut picture)?;
         renderer.take_stages();
