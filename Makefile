@@ -27,6 +27,7 @@ check: setup ## formatting, lints, links, dependency fence
 test: check build
 	cargo test --workspace
 	@[ ! -d data/sample ] || python3 notebooks/run.py
+	@[ ! -d data/sample ] || python3 tests/readers.py
 
 bench: build ## rate cards of the three programs
 	vibes-collect bench

@@ -2,14 +2,19 @@
 
 mod bench;
 mod config;
+mod export;
 mod extend;
+mod filter;
+mod import;
 mod info;
+mod merge;
 mod preview;
 mod record;
 mod render;
 mod replay;
 mod replay_distractors;
 mod show;
+mod split;
 mod verify;
 
 use std::process::ExitCode;
@@ -53,6 +58,16 @@ enum Verb {
     Info(info::InfoArgs),
     /// Check a recording: checksums, alignment, physics simulated again, and a sample drawn again.
     Verify(verify::VerifyArgs),
+    /// Join recordings of one spec into a new one.
+    Merge(merge::MergeArgs),
+    /// Divide a recording by share, so that what is held out is clean.
+    Split(split::SplitArgs),
+    /// Keep some of a recording's episodes, by return, policy, or place in the grid.
+    Filter(filter::FilterArgs),
+    /// Write a recording as a Minari or LeRobot dataset, or as plain Parquet.
+    Export(export::ExportArgs),
+    /// Make a recording of a Dreamer or Minari dataset.
+    Import(import::ImportArgs),
     /// Simulate a trace or a recorded episode again and compare.
     Replay(replay::ReplayArgs),
     /// Make a recording larger: more rows, columns or episodes, as if it had been recorded so large.
@@ -87,6 +102,11 @@ pub fn main() -> ExitCode {
         None => record::run(cli.record, cli.output),
         Some(Verb::Info(args)) => info::run(&args, cli.output),
         Some(Verb::Verify(args)) => verify::run(&args, cli.output),
+        Some(Verb::Merge(args)) => merge::run(&args, cli.output),
+        Some(Verb::Split(args)) => split::run(&args, cli.output),
+        Some(Verb::Filter(args)) => filter::run(&args, cli.output),
+        Some(Verb::Export(args)) => export::run(&args, cli.output),
+        Some(Verb::Import(args)) => import::run(&args, cli.output),
         Some(Verb::Replay(args)) => replay::run(&args, cli.output),
         Some(Verb::Extend(args)) => extend::run(&args, cli.output),
         Some(Verb::Render(args)) => render::run(&args, cli.output),
@@ -113,6 +133,7 @@ fn report(error: &anyhow::Error) -> ExitCode {
                 | Error::Policy { .. }
                 | Error::Shrinks { .. }
                 | Error::NoRotation { .. }
+                | Error::Selection { .. }
         )
     );
     ExitCode::from(if wrong_arguments { 2 } else { 1 })

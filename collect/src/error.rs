@@ -73,6 +73,14 @@ pub enum Error {
         /// The names that exist.
         known: String,
     },
+    /// Episodes that cannot be chosen, divided, joined or carried over as asked.
+    #[error("{fact}; {expected}")]
+    Selection {
+        /// What was found.
+        fact: String,
+        /// What would be right.
+        expected: String,
+    },
     /// A folder holds too few videos.
     #[error("{found} videos; {wanted} are needed, each a folder of .jpg or .png frames: {path}")]
     TooFewVideos {

@@ -5,6 +5,7 @@
 //! [`recorder::record`] writes episodes. A [`Trace`] is an episode in JSON, to compare simulations with.
 
 pub mod bench;
+pub mod care;
 pub mod cli;
 pub mod distractor_trace;
 pub mod distractors;

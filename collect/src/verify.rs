@@ -3,8 +3,9 @@
 //!
 //! In: a recording. Out: a [`Verdict`]: what is wrong, and the largest errors seen.
 
-use vibes_data::{EpisodeEntry, EpisodeView, Finding, Recording, verify_episode};
+use vibes_data::{BackgroundFrame, EpisodeEntry, EpisodeView, Finding, Recording, verify_episode};
 
+use crate::care::merge::{MergedPart, merged_parts};
 use crate::plan::RecordOptions;
 use crate::recorder::{environment_of, open_videos};
 use crate::render::{RenderSettings, Renderer, View};
@@ -27,14 +28,20 @@ pub struct Verdict {
     pub largest_picture_error: f64,
     /// Pictures drawn again.
     pub pictures: usize,
+    /// Episodes that were not simulated again because this program did not record them.
+    pub foreign: usize,
 }
 
 impl Verdict {
     /// One line for people.
     pub fn summary(&self, episodes: usize) -> String {
+        let foreign = match self.foreign {
+            0 => String::new(),
+            count => format!("; {count} episodes were recorded elsewhere and are not simulated"),
+        };
         let state = if self.findings.is_empty() { "sound" } else { "damaged" };
         format!(
-            "{state}: {episodes} episodes, {} findings; simulated again: largest position error {:.1e}; {} pictures drawn again: largest mean error {:.2} of 255",
+            "{state}: {episodes} episodes, {} findings; simulated again: largest position error {:.1e}; {} pictures drawn again: largest mean error {:.2} of 255{foreign}",
             self.findings.len(),
             self.largest_qpos_error,
             self.pictures,
@@ -49,14 +56,14 @@ impl Verdict {
 /// When the simulation or the render context cannot be set up; damage is a finding, not an error.
 pub fn verify(recording: &Recording, simulate: bool) -> Result<Verdict> {
     let mut verdict = Verdict::default();
-    let options: Option<RecordOptions> = serde_json::from_value(recording.manifest().options.clone()).ok();
-    let mut again = match options.filter(|_| simulate) {
-        Some(options) => Some(Again::new(options)?),
-        None => None,
-    };
+    let mut simulators = Simulators::new(recording, simulate);
     for entry in recording.episodes() {
         let findings = verify_episode(recording, entry);
-        if let (true, Some(again)) = (findings.is_empty(), &mut again) {
+        let again = if findings.is_empty() { simulators.of(entry.index)? } else { None };
+        if simulate && again.is_none() && findings.is_empty() {
+            verdict.foreign += 1;
+        }
+        if let Some(again) = again {
             let path = recording.path().join(&entry.arrow.path);
             let fault = recording
                 .episode(entry.index)
@@ -69,19 +76,68 @@ pub fn verify(recording: &Recording, simulate: bool) -> Result<Verdict> {
     Ok(verdict)
 }
 
+/// What it takes to simulate each episode again: of a merged recording, that of the part it came from. One is open at a time, since
+/// episodes of a part follow each other.
+struct Simulators {
+    parts: Vec<Part>,
+    open: Option<(usize, Again)>,
+}
+
+/// The options under which some episodes were recorded, and where their videos are in the recording's list.
+struct Part {
+    options: Option<RecordOptions>,
+    holds: Box<dyn Fn(u32) -> bool>,
+    videos: Option<Vec<u32>>,
+}
+
+impl Simulators {
+    fn new(recording: &Recording, simulate: bool) -> Self {
+        let read = |options: &serde_json::Value| serde_json::from_value(options.clone()).ok();
+        let parts = match merged_parts(recording.manifest()) {
+            _ if !simulate => Vec::new(),
+            None => {
+                let options = read(&recording.manifest().options);
+                vec![Part { options, holds: Box::new(|_| true), videos: None }]
+            }
+            Some(parts) => {
+                let part = |part: MergedPart| Part {
+                    options: read(&part.options),
+                    videos: Some(part.videos.clone()),
+                    holds: Box::new(move |index| part.holds(index)),
+                };
+                parts.into_iter().map(part).collect()
+            }
+        };
+        Self { parts, open: None }
+    }
+
+    /// None for an episode that this program did not record.
+    fn of(&mut self, index: u32) -> Result<Option<&mut Again>> {
+        let Some(place) = self.parts.iter().position(|part| (part.holds)(index)) else { return Ok(None) };
+        let Part { options: Some(options), videos, .. } = &self.parts[place] else { return Ok(None) };
+        if self.open.as_ref().is_none_or(|(open, _)| *open != place) {
+            self.open = None;
+            self.open = Some((place, Again::new(options.clone(), videos.clone())?));
+        }
+        Ok(self.open.as_mut().map(|(_, again)| again))
+    }
+}
+
 /// A simulation and a render context to compare with.
 struct Again {
+    /// For each of the part's own videos, its index in the recording's list; the same without a list.
+    listed: Option<Vec<u32>>,
     environment: Environment,
     renderer: Option<Renderer>,
     videos: VideoLibrary,
 }
 
 impl Again {
-    fn new(options: RecordOptions) -> Result<Self> {
+    fn new(options: RecordOptions, listed: Option<Vec<u32>>) -> Result<Self> {
         let environment = environment_of(&options)?;
         let settings = options.size.map(|size| RenderSettings { size: size as usize, look: options.look });
         let open = |settings| Renderer::new(settings, environment.name(), environment.physics().model());
-        Ok(Self { renderer: settings.map(open).transpose()?, videos: open_videos(&options)?, environment })
+        Ok(Self { listed, renderer: settings.map(open).transpose()?, videos: open_videos(&options)?, environment })
     }
 
     fn compare(&mut self, entry: &EpisodeEntry, view: &EpisodeView, verdict: &mut Verdict) -> Result<()> {
@@ -126,7 +182,7 @@ impl Again {
         for row in [0, view.rows() / 2, view.rows() - 1] {
             let shown = View {
                 camera: Some(view.camera(row)),
-                background: view.background(row),
+                background: view.background(row).and_then(|shown| own_video(self.listed.as_deref(), shown)),
                 colors: Some(view.colors(row)),
             };
             renderer.draw(view.qpos(row), &shown, &self.videos, &mut picture)?;
@@ -135,4 +191,11 @@ impl Again {
         }
         Ok(errors)
     }
+}
+
+/// A background by the index that its video has among the part's own.
+fn own_video(listed: Option<&[u32]>, shown: BackgroundFrame) -> Option<BackgroundFrame> {
+    let Some(listed) = listed else { return Some(shown) };
+    let own = listed.iter().position(|&video| video == shown.video)?;
+    Some(BackgroundFrame { video: own as u32, ..shown })
 }

@@ -20,7 +20,8 @@ use crate::{Episode, EpisodeEntry, Error, Result, Spec};
 /// The schema metadata key under which an episode's own entry (JSON) stands.
 const ENTRY: &str = "vibes.episode";
 
-/// The columns of an episode of this spec. `pixels` and `colors` are there only when the spec has pictures and materials.
+/// The columns of an episode of this spec. A column of no numbers (`observation`, `qpos`, `qvel`, `pixels`, `colors` where the
+/// spec has none) is left out.
 pub fn episode_schema(spec: &Spec) -> Schema {
     let field = Field::new;
     let mut fields = vec![
@@ -34,10 +35,14 @@ pub fn episode_schema(spec: &Spec) -> Schema {
         field("action", list(DataType::Float32, spec.action_len()), true),
         field("reward", DataType::Float32, true),
         field("discount", DataType::Float32, true),
-        field("observation", list(DataType::Float32, spec.observation_len()), false),
-        field("qpos", list(DataType::Float64, spec.qpos), false),
-        field("qvel", list(DataType::Float64, spec.qvel), false),
     ];
+    let lists = [
+        ("observation", DataType::Float32, spec.observation_len()),
+        ("qpos", DataType::Float64, spec.qpos),
+        ("qvel", DataType::Float64, spec.qvel),
+    ];
+    let present = lists.into_iter().filter(|(_, _, len)| *len > 0);
+    fields.extend(present.map(|(name, of, len)| field(name, list(of, len), false)));
     if let Some(size) = spec.pixels {
         let shape = [("height", size.height.to_string()), ("width", size.width.to_string())];
         let metadata = shape.map(|(key, value)| (key.to_owned(), value));
@@ -111,10 +116,15 @@ fn columns(episode: &Episode, spec: &Spec) -> std::result::Result<Vec<ArrayRef>,
         floats(&padded_actions, spec.action_len(), Some(acted.clone()))?,
         scalar(&episode.rewards),
         scalar(&episode.discounts),
-        floats(&episode.observations, spec.observation_len(), None)?,
-        doubles(&episode.qpos, spec.qpos)?,
-        doubles(&episode.qvel, spec.qvel)?,
     ];
+    if spec.observation_len() > 0 {
+        columns.push(floats(&episode.observations, spec.observation_len(), None)?);
+    }
+    for (values, len) in [(&episode.qpos, spec.qpos), (&episode.qvel, spec.qvel)] {
+        if len > 0 {
+            columns.push(doubles(values, len)?);
+        }
+    }
     if let Some(size) = spec.pixels {
         let bytes = Buffer::from_slice_ref(&episode.pixels);
         columns.push(Arc::new(FixedSizeBinaryArray::try_new(size.bytes() as i32, bytes, None)?));

@@ -137,7 +137,8 @@ impl Episode {
         self.rewards.iter().map(|&reward| f64::from(reward)).sum()
     }
 
-    /// Checks every column's length against the spec.
+    /// Checks every column's length against the spec, and that rewards and discounts are numbers: one that is not would make
+    /// every sum over it none, and JSON cannot hold such a return.
     ///
     /// # Errors
     /// [`Error::Episode`] naming the first column that does not fit.
@@ -154,13 +155,39 @@ impl Episode {
             ("video and frame", self.backgrounds.len(), rows),
             ("colors", self.colors.len(), rows * 3 * spec.materials.len()),
         ];
-        match columns.into_iter().find(|(_, found, expected)| found != expected) {
-            None => Ok(()),
-            Some((column, found, expected)) => Err(Error::Episode {
-                index: self.index,
-                fact: format!("{column} holds {found} numbers"),
-                expected: format!("{expected} for {steps} actions"),
-            }),
+        let fault = |fact: String, expected: String| Error::Episode { index: self.index, fact, expected };
+        if let Some((column, found, expected)) = columns.into_iter().find(|(_, found, expected)| found != expected) {
+            return Err(fault(format!("{column} holds {found} numbers"), format!("{expected} for {steps} actions")));
         }
+        for (name, values) in [("reward", &self.rewards), ("discount", &self.discounts)] {
+            if let Some(step) = values.iter().position(|value| !value.is_finite()) {
+                return Err(fault(format!("the {name} of step {step} is {}", values[step]), "a finite number".into()));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether two episodes are the same to the bit, so that a number that is none equals itself.
+    pub(crate) fn same_bits(&self, other: &Self) -> bool {
+        fn singles(a: &[f32], b: &[f32]) -> bool {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
+        }
+        fn doubles(a: &[f64], b: &[f64]) -> bool {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
+        }
+        let cameras = |episode: &Self| -> Vec<f64> {
+            episode.cameras.iter().flat_map(|camera| [camera.r, camera.h, camera.v, camera.roll]).collect()
+        };
+        (self.index, self.cell, self.is_terminal) == (other.index, other.cell, other.is_terminal)
+            && self.pixels == other.pixels
+            && self.backgrounds == other.backgrounds
+            && singles(&self.actions, &other.actions)
+            && singles(&self.rewards, &other.rewards)
+            && singles(&self.discounts, &other.discounts)
+            && singles(&self.observations, &other.observations)
+            && singles(&self.colors, &other.colors)
+            && doubles(&self.qpos, &other.qpos)
+            && doubles(&self.qvel, &other.qvel)
+            && doubles(&cameras(self), &cameras(other))
     }
 }

@@ -135,7 +135,8 @@ impl Manifest {
         write_atomically(path, &text)
     }
 
-    fn check(&self, path: &Path) -> Result<()> {
+    /// Checks what JSON cannot say: sizes, order, paths, the grid.
+    pub(crate) fn check(&self, path: &Path) -> Result<()> {
         if self.format != FORMAT {
             return Err(Error::malformed(path, format!("format {}", self.format), format!("{FORMAT} is known")));
         }
@@ -148,6 +149,7 @@ impl Manifest {
                 return Err(Error::malformed(path, fact, "episodes in rising order"));
             }
         }
+        self.check_grid(path)?;
         let files = self.episodes.iter().flat_map(|entry| [Some(&entry.arrow), entry.mcap.as_ref()]);
         match files.flatten().find(|file| !stays_inside(&file.path)) {
             Some(file) => {
@@ -155,6 +157,37 @@ impl Manifest {
             }
             None => Ok(()),
         }
+    }
+}
+
+/// No grid and no video has more rows, columns or frames than this; a larger one is a damaged or hostile manifest.
+const LARGEST_COUNT: u32 = 1 << 24;
+
+impl Manifest {
+    /// Every cell lies in the grid, and no cell is there twice.
+    fn check_grid(&self, path: &Path) -> Result<()> {
+        let sizes = self.grid.iter().flat_map(|grid| [grid.states, grid.distractors]);
+        let frames = self.videos.iter().map(|video| video.frames);
+        if let Some(count) = sizes.chain(frames).find(|&count| count > LARGEST_COUNT) {
+            return Err(Error::malformed(path, format!("a grid or a video of {count}"), "a smaller size"));
+        }
+        let mut seen = std::collections::BTreeSet::new();
+        for entry in &self.episodes {
+            let Some(cell) = entry.cell else { continue };
+            let place = format!("episode {} in cell {},{}", entry.index, cell.state, cell.distractor);
+            match self.grid {
+                None => {}
+                Some(grid) if cell.state >= grid.states || cell.distractor >= grid.distractors => {
+                    let expected = format!("a cell of the grid of {} x {}", grid.states, grid.distractors);
+                    return Err(Error::malformed(path, place, expected));
+                }
+                Some(_) if !seen.insert(cell) => {
+                    return Err(Error::malformed(path, format!("another {place}"), "one episode a cell"));
+                }
+                Some(_) => {}
+            }
+        }
+        Ok(())
     }
 }
 

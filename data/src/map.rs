@@ -15,6 +15,16 @@ use memmap2::Mmap;
 
 use crate::{Error, Result};
 
+/// The record batches of any Arrow file of numbers, lists of fixed size, structs, texts and bytes, uncompressed, in its mapped
+/// pages: for the files of other datasets.
+///
+/// # Errors
+/// [`Error::Malformed`] for a damaged file, compression, or types that are none of these.
+pub fn read_table(path: &Path) -> Result<Vec<RecordBatch>> {
+    let table = MappedTable::open(path)?;
+    (0..table.batches()).map(|index| table.batch(index)).collect()
+}
+
 /// The last bytes of an Arrow file: footer length and magic.
 const TRAILER: usize = 10;
 
@@ -31,8 +41,13 @@ pub(crate) struct MappedTable {
 impl MappedTable {
     /// Maps a file and reads its footer.
     pub(crate) fn open(path: &Path) -> Result<Self> {
+        // Asked before it is opened: opening a pipe would wait for its writer for ever.
+        let metadata = std::fs::metadata(path).map_err(Error::io("open", path))?;
+        if !metadata.is_file() {
+            return Err(Error::malformed(path, "not a file", "a whole Arrow file"));
+        }
         let file = File::open(path).map_err(Error::io("open", path))?;
-        let length = file.metadata().map_err(Error::io("read", path))?.len();
+        let length = metadata.len();
         if length < 2 * TRAILER as u64 {
             return Err(Error::malformed(path, format!("{length} bytes"), "a whole Arrow file"));
         }
@@ -108,7 +123,7 @@ fn checked_schema(schema: arrow::ipc::Schema<'_>) -> Option<Schema> {
             Type::FixedSizeList => {
                 field.type_as_fixed_size_list().is_some_and(|list| list.listSize() >= 0) && children.len() == 1
             }
-            Type::Bool | Type::Struct_ => true,
+            Type::Bool | Type::Struct_ | Type::Binary | Type::Utf8 => true,
             _ => false,
         };
         shape
@@ -163,6 +178,12 @@ impl<N: Iterator<Item = FieldNode>, B: Iterator<Item = arrow::ipc::Buffer>> Colu
             }
             DataType::Boolean => self.next_holds(Some(rows.div_euclid(8) + i64::from(rows % 8 != 0))),
             DataType::FixedSizeBinary(size) => self.next_holds(rows.checked_mul(i64::from(*size))),
+            // One offset more than rows; the decoder checks the offsets against the bytes that follow.
+            DataType::Binary | DataType::Utf8 if rows == 0 => self.next_holds(Some(0)) && self.next_holds(Some(0)),
+            DataType::Binary | DataType::Utf8 => {
+                self.next_holds(rows.checked_add(1).and_then(|offsets| offsets.checked_mul(4)))
+                    && self.next_holds(Some(0))
+            }
             of => self.next_holds(of.primitive_width().and_then(|width| rows.checked_mul(width as i64))),
         }
     }

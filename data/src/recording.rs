@@ -30,6 +30,7 @@ impl Recording {
     pub fn open(path: &Path) -> Result<Self> {
         let mut manifest = Manifest::read(&path.join(MANIFEST))?;
         adopt_unlisted(path, &mut manifest)?;
+        manifest.check(&path.join(MANIFEST))?;
         Ok(Self { path: path.into(), manifest })
     }
 

@@ -94,13 +94,18 @@ impl Spec {
         self.observation.iter().flat_map(names).collect()
     }
 
-    /// Says what is wrong with the sizes, if anything.
-    pub(crate) fn fault(&self) -> Option<String> {
+    /// Says what is wrong with the sizes, if anything: no size of a real recording is as large as a damaged or hostile one may say.
+    pub fn fault(&self) -> Option<String> {
         let side = self.pixels.map_or(0, |size| size.height.max(size.width)) as usize;
         let parts = self.observation.iter().map(|part| part.len);
-        let largest = parts.chain([self.qpos, self.qvel, self.materials.len()]).max().unwrap_or(0);
+        // Summed without overflow: parts that are small enough one by one may not be together.
+        let whole = parts.clone().fold(0, usize::saturating_add);
+        let largest = parts.chain([whole, self.qpos, self.qvel, self.materials.len()]).max().unwrap_or(0);
         if self.action.min.len() != self.action.max.len() {
             return Some("the action has bounds of different lengths".into());
+        }
+        if self.action.min.is_empty() {
+            return Some("an action of no numbers".into());
         }
         if self.pixels.is_some_and(|size| size.height == 0 || size.width == 0) || side > 8192 {
             return Some(format!("a picture side of {side} pixels"));

@@ -3,7 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{EpisodeEntry, Error, FileEntry, Recording, Result, Spec, read_mcap, sha256_hex};
+use crate::{
+    BackgroundFrame, EpisodeEntry, Error, FileEntry, Recording, Result, Spec, read_episode_entry, read_mcap, sha256_hex,
+};
 
 /// Something wrong with one file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -46,17 +48,42 @@ fn verify_file(folder: &Path, file: &FileEntry) -> std::result::Result<(), Findi
     Err(Finding { path, fault })
 }
 
+/// Says which part of an episode's own entry differs from the manifest's; only the manifest knows the files.
+fn other_entry(own: &EpisodeEntry, listed: &EpisodeEntry) -> Option<String> {
+    let text = |entry: &EpisodeEntry| -> serde_json::Map<String, serde_json::Value> {
+        match serde_json::to_value(entry) {
+            Ok(serde_json::Value::Object(map)) => map,
+            _ => serde_json::Map::new(),
+        }
+    };
+    let (own, listed) = (text(own), text(listed));
+    let differs =
+        listed.iter().find(|(key, value)| !["arrow", "mcap"].contains(&key.as_str()) && own.get(*key) != Some(value));
+    differs.map(|(key, value)| {
+        format!("its own {key} is {}, the manifest's {value}", own.get(key).cloned().unwrap_or_default())
+    })
+}
+
 fn compare(recording: &Recording, entry: &EpisodeEntry, spec: &Spec) -> Result<()> {
     let episode = recording.episode(entry.index)?.to_episode();
     episode.check(spec)?;
-    let total = episode.episode_return();
     let path = recording.path().join(&entry.arrow.path);
+    if let Some(fact) = other_entry(&read_episode_entry(&path)?, entry) {
+        return Err(Error::malformed(path, fact, "the same entry in the file and in the manifest"));
+    }
+    let total = episode.episode_return();
     if (total - entry.episode_return).abs() > 1e-6 * total.abs().max(1.0) {
         let expected = format!("{} as the manifest says", entry.episode_return);
         return Err(Error::malformed(path, format!("rewards sum to {total}"), expected));
     }
+    let videos = &recording.manifest().videos;
+    let outside = |shown: &&BackgroundFrame| videos.get(shown.video as usize).is_none_or(|v| shown.frame >= v.frames);
+    if let Some(shown) = episode.backgrounds.iter().flatten().find(outside) {
+        let fact = format!("frame {} of video {}", shown.frame, shown.video);
+        return Err(Error::malformed(path, fact, format!("one of the manifest's {} videos", videos.len())));
+    }
     match &entry.mcap {
-        Some(file) if read_mcap(&recording.path().join(&file.path), spec)? != episode => {
+        Some(file) if !read_mcap(&recording.path().join(&file.path), spec)?.same_bits(&episode) => {
             Err(Error::malformed(path, "the MCAP log holds another episode", "the same rows in both files"))
         }
         _ => Ok(()),

@@ -53,18 +53,7 @@ impl EpisodeView {
     /// # Errors
     /// [`Error::Malformed`] when the file is damaged, has other columns than the spec, or breaks the alignment rule.
     pub fn open(path: &Path, spec: &Spec) -> Result<Self> {
-        let table = MappedTable::open(path)?;
-        let expected = episode_schema(spec);
-        if table.schema().fields() != expected.fields() {
-            let fact = difference(table.schema().fields(), expected.fields());
-            return Err(Error::malformed(path, fact, "the columns of the manifest's spec"));
-        }
-        if table.batches() != 1 {
-            return Err(Error::malformed(path, format!("{} record batches", table.batches()), "one"));
-        }
-        let batch = table.batch(0)?;
-        check_alignment(&batch).map_err(|fact| Error::malformed(path, fact, "rows aligned as the format says"))?;
-        Ok(Self::of(&batch, spec))
+        Ok(Self::of(&episode_table(path, spec)?, spec))
     }
 
     /// Columns are taken by name after the schema has been checked, so that the types are known.
@@ -77,7 +66,6 @@ impl EpisodeView {
             .then(|| Cell { state: state.value(0), distractor: distractor.value(0) });
         let camera: &StructArray = batch["camera"].as_struct();
         let part = |i: usize| camera.column(i).as_primitive::<Float64Type>().values().clone();
-        let none = || Columns { values: ScalarBuffer::from(Vec::<f32>::new()), len: 0 };
         Self {
             index: uint("episode").value(0),
             cell,
@@ -86,14 +74,16 @@ impl EpisodeView {
             actions: floats(batch["action"].as_fixed_size_list()),
             rewards: scalar("reward"),
             discounts: scalar("discount"),
-            observations: floats(batch["observation"].as_fixed_size_list()),
-            qpos: doubles(batch["qpos"].as_fixed_size_list()),
-            qvel: doubles(batch["qvel"].as_fixed_size_list()),
+            observations: batch
+                .column_by_name("observation")
+                .map_or_else(no_columns, |c| floats(c.as_fixed_size_list())),
+            qpos: batch.column_by_name("qpos").map_or_else(no_columns, |c| doubles(c.as_fixed_size_list())),
+            qvel: batch.column_by_name("qvel").map_or_else(no_columns, |c| doubles(c.as_fixed_size_list())),
             pixels: spec.pixels.map(|_| batch["pixels"].as_fixed_size_binary().clone()),
             camera: [part(0), part(1), part(2), part(3)],
             video: uint("video"),
             frame: uint("frame"),
-            colors: if spec.materials.is_empty() { none() } else { floats(batch["colors"].as_fixed_size_list()) },
+            colors: batch.column_by_name("colors").map_or_else(no_columns, |c| floats(c.as_fixed_size_list())),
         }
     }
 
@@ -199,6 +189,11 @@ impl EpisodeView {
     }
 }
 
+/// A column that the spec leaves out: no numbers a row.
+fn no_columns<T: arrow::datatypes::ArrowNativeType>() -> Columns<T> {
+    Columns { values: ScalarBuffer::from(Vec::new()), len: 0 }
+}
+
 fn floats(list: &FixedSizeListArray) -> Columns<f32> {
     let values: &Float32Array = list.values().as_primitive::<Float32Type>();
     Columns { values: values.values().clone(), len: list.value_length() as usize }
@@ -207,6 +202,25 @@ fn floats(list: &FixedSizeListArray) -> Columns<f32> {
 fn doubles(list: &FixedSizeListArray) -> Columns<f64> {
     let values: &Float64Array = list.values().as_primitive::<Float64Type>();
     Columns { values: values.values().clone(), len: list.value_length() as usize }
+}
+
+/// An episode's columns as one record batch in the pages of its Arrow file, its columns and their alignment checked.
+///
+/// # Errors
+/// [`Error::Malformed`] when the file is damaged, has other columns than the spec, or breaks the alignment rule.
+pub fn episode_table(path: &Path, spec: &Spec) -> Result<RecordBatch> {
+    let table = MappedTable::open(path)?;
+    let expected = episode_schema(spec);
+    if table.schema().fields() != expected.fields() {
+        let fact = difference(table.schema().fields(), expected.fields());
+        return Err(Error::malformed(path, fact, "the columns of the manifest's spec"));
+    }
+    if table.batches() != 1 {
+        return Err(Error::malformed(path, format!("{} record batches", table.batches()), "one"));
+    }
+    let batch = table.batch(0)?;
+    check_alignment(&batch).map_err(|fact| Error::malformed(path, fact, "rows aligned as the format says"))?;
+    Ok(batch)
 }
 
 fn difference(found: &arrow::datatypes::Fields, expected: &arrow::datatypes::Fields) -> String {

@@ -6,7 +6,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::arrow_table::arrow_bytes;
-use crate::atomic::PARTIAL;
+use crate::atomic::{PARTIAL, partial_path};
 use crate::mcap_log::mcap_bytes;
 use crate::recording::{EPISODES, MANIFEST, episode_path};
 use crate::{Episode, EpisodeEntry, Error, FileEntry, Manifest, Recording, Result, write_atomically};
@@ -23,6 +23,17 @@ pub struct EpisodeInfo {
     pub seed: u64,
     /// What the episode changed in the model, by object name.
     pub model_overrides: serde_json::Value,
+}
+
+/// How a file whose bytes need not change comes into another recording.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FileTransfer {
+    /// One file under two names, where the file system can; else a copy. Finished episodes are never written again, so that neither
+    /// recording can change the other; removing one leaves the other whole.
+    #[default]
+    Link,
+    /// A copy, so that damage to one file leaves the other.
+    Copy,
 }
 
 /// A recording that grows. Episodes may come from several threads and in any order.
@@ -81,6 +92,49 @@ impl RecordingWriter {
     /// # Errors
     /// [`Error::Episode`] when its columns do not fit the spec, [`Error::Io`] when the disk is full.
     pub fn write(&self, episode: &Episode, info: EpisodeInfo) -> Result<()> {
+        self.put_episode(episode, info, self.with_mcap)
+    }
+
+    /// Writes an episode of another recording whose number, cell or videos have changed; it has a log if it had one.
+    ///
+    /// # Errors
+    /// As [`RecordingWriter::write`].
+    pub fn rewrite(&self, episode: &Episode, before: &EpisodeEntry) -> Result<()> {
+        let EpisodeEntry { policy, seed, model_overrides, .. } = before.clone();
+        self.put_episode(episode, EpisodeInfo { policy, seed, model_overrides }, before.mcap.is_some())
+    }
+
+    /// Takes over an episode of another recording as it is: its files' bytes, its number and its cell.
+    ///
+    /// # Errors
+    /// [`Error::Malformed`] when a file has another size than its manifest says, [`Error::Io`].
+    pub fn take(&self, from: &Recording, entry: &EpisodeEntry, transfer: FileTransfer) -> Result<()> {
+        let mut entry = entry.clone();
+        let index = entry.index;
+        if let Some(log) = &mut entry.mcap {
+            self.transfer(from.path(), log, episode_path(index, "mcap"), transfer)?;
+        }
+        self.transfer(from.path(), &mut entry.arrow, episode_path(index, "arrow"), transfer)?;
+        self.enlist(entry)
+    }
+
+    fn transfer(&self, folder: &Path, file: &mut FileEntry, name: String, transfer: FileTransfer) -> Result<()> {
+        let (source, place) = (folder.join(&file.path), self.path.join(&name));
+        let found = std::fs::metadata(&source).map_err(Error::io("read", &source))?;
+        if !found.is_file() || found.len() != file.bytes {
+            let expected = format!("{} bytes as the manifest says", file.bytes);
+            return Err(Error::malformed(source, format!("{} bytes", found.len()), expected));
+        }
+        if transfer == FileTransfer::Copy || std::fs::hard_link(&source, &place).is_err() {
+            let partial = partial_path(&place);
+            std::fs::copy(&source, &partial).map_err(Error::io("copy", &source))?;
+            std::fs::rename(&partial, &place).map_err(Error::io("write", &place))?;
+        }
+        file.path = name;
+        Ok(())
+    }
+
+    fn put_episode(&self, episode: &Episode, info: EpisodeInfo, with_mcap: bool) -> Result<()> {
         let spec = self.growing().manifest.spec.clone();
         episode.check(&spec)?;
         let mut entry = EpisodeEntry {
@@ -95,7 +149,7 @@ impl RecordingWriter {
             mcap: None,
         };
         let arrow = arrow_bytes(episode, &spec, &entry)?;
-        if self.with_mcap {
+        if with_mcap {
             entry.mcap = Some(self.put(episode.index, "mcap", &mcap_bytes(episode, &spec, &entry)?)?);
         }
         entry.arrow = self.put(episode.index, "arrow", &arrow)?;

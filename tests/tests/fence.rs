@@ -26,7 +26,15 @@ const PROGRAM: &[&str] = &["clap", "ctrlc", "indicatif"];
 /// Folder, and what it alone or with few others may name.
 const PACKAGES: &[(&str, &[&[&str]])] = &[
     ("data", &[&["bytes", "foxglove", "mcap", "memmap2", "prost", "prost-types"]]),
-    ("collect", &[PROGRAM, &["vibes-data", "mujoco-rs", "khronos-egl", "image", "parquet", "libc", "rustix"]]),
+    (
+        "collect",
+        &[
+            PROGRAM,
+            &["vibes-data", "mujoco-rs", "khronos-egl", "image", "libc", "rustix"],
+            // The formats of others.
+            &["parquet", "hdf5-pure", "less-avc", "zip"],
+        ],
+    ),
     ("train/model", &[&["vibes-data", "burn", "burn-flex", "gemm", "memmap2", "safetensors"]]),
     ("train", &[PROGRAM, &["vibes-data", "vibes-model", "burn", "crc32c", "memmap2", "prost"]]),
     (

@@ -1,0 +1,136 @@
+//! Datasets of others as recordings. In: a folder in one of the [`ImportFormat`]s. Out: a recording whose rows are aligned as ours are; what is lost,
+//! and what is filled in, stands in the package's `README.md`.
+
+mod array;
+mod dreamer;
+mod minari;
+mod npy;
+mod npz;
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use serde::Serialize;
+use serde_json::json;
+use vibes_data::{
+    ActionSpec, CameraPose, Episode, Error as DataError, FORMAT, Manifest, Recording, RecordingWriter, Spec,
+};
+
+use super::NewFolder;
+use crate::error::{Error, Result};
+
+pub use dreamer::read_dreamer_file;
+pub use minari::read_minari_folder;
+
+/// A format that can be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ImportFormat {
+    /// A folder of `.npz` files as Dreamer, DreamerV2 and V-D4RL write them.
+    Dreamer,
+    /// A Minari dataset in its HDF5 or Arrow storage.
+    Minari,
+}
+
+/// What a dataset does not say of itself.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ImportOptions {
+    /// The task's name; the dataset's own name without one.
+    pub task: Option<String>,
+    /// Seconds of a control step; 1 without one.
+    pub control_timestep: Option<f64>,
+    /// Control steps a row; 1 without one.
+    pub action_repeat: Option<u32>,
+    /// Whether MCAP logs are written too.
+    pub with_mcap: bool,
+}
+
+/// What an import found.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct ImportReport {
+    /// Episodes.
+    pub episodes: usize,
+    /// Rows of all of them.
+    pub rows: u64,
+    /// What the dataset holds and a recording has no place for.
+    pub ignored: BTreeSet<String>,
+}
+
+/// Reads a dataset into a new recording.
+///
+/// # Errors
+/// When the folder is taken, or a file of the dataset is damaged or does not fit the others; the message names it.
+pub fn import(
+    format: ImportFormat,
+    source: &Path,
+    options: &ImportOptions,
+    out: &Path,
+) -> Result<(Recording, ImportReport)> {
+    let folder = NewFolder::begin(out)?;
+    let report = match format {
+        ImportFormat::Dreamer => dreamer::read(source, options, folder.path())?,
+        ImportFormat::Minari => minari::read(source, options, folder.path())?,
+    };
+    folder.finish()?;
+    Ok((Recording::open(out)?, report))
+}
+
+impl ImportOptions {
+    /// A spec of a dataset that says nothing of physics: no state, no distractors.
+    fn spec(&self, name: &str, action: ActionSpec) -> Spec {
+        Spec {
+            task: self.task.clone().unwrap_or_else(|| name.to_owned()),
+            action,
+            observation: Vec::new(),
+            qpos: 0,
+            qvel: 0,
+            pixels: None,
+            materials: Vec::new(),
+            control_timestep: self.control_timestep.unwrap_or(1.0),
+            action_repeat: self.action_repeat.unwrap_or(1),
+        }
+    }
+}
+
+/// Begins the recording of a dataset.
+fn begin(spec: Spec, format: ImportFormat, name: &str, out: &Path, with_mcap: bool) -> Result<RecordingWriter> {
+    let manifest = Manifest {
+        format: FORMAT.into(),
+        spec,
+        options: json!({ "imported": { "format": format, "name": name } }),
+        seed: 0,
+        versions: [("vibes".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
+        grid: None,
+        videos: Vec::new(),
+        episodes: Vec::new(),
+    };
+    Ok(RecordingWriter::create_or_resume(out, manifest, with_mcap)?)
+}
+
+/// Fills in what a dataset without distractors does not have: a camera at rest, no background.
+fn without_distractors(episode: &mut Episode) {
+    let rows = episode.rows();
+    episode.cameras = vec![CameraPose::default(); rows];
+    episode.backgrounds = vec![None; rows];
+}
+
+/// The lowest and highest value of each of `dims` columns, or -1 and 1 where all lie between.
+fn bounds_of(actions: &[f32], dims: usize, bounds: &mut Option<ActionSpec>) {
+    let whole = bounds.get_or_insert_with(|| ActionSpec { min: vec![-1.0; dims], max: vec![1.0; dims] });
+    for (place, &value) in actions.iter().enumerate().filter(|(_, value)| value.is_finite()) {
+        let dim = place % dims.max(1);
+        if let (Some(min), Some(max)) = (whole.min.get_mut(dim), whole.max.get_mut(dim)) {
+            *min = min.min(f64::from(value));
+            *max = max.max(f64::from(value));
+        }
+    }
+}
+
+/// Names the file in an error that knows only the episode.
+fn naming(path: &Path) -> impl Fn(DataError) -> Error {
+    let path = path.to_owned();
+    move |error| match error {
+        DataError::Episode { fact, expected, .. } => Error::malformed(path.clone(), fact, expected),
+        other => Error::Data(other),
+    }
+}

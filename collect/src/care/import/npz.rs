@@ -1,0 +1,55 @@
+//! NumPy's `.npz` format: a zip file of `.npy` arrays, stored or deflated. In: a file. Out: its arrays by name, read when asked for.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use zip::ZipArchive;
+
+use super::array::Array;
+use super::npy;
+use crate::error::{Error, Result};
+
+/// Deflate makes at most this many bytes of one; a larger array is a lie, whatever its header says.
+const DEFLATE_AT_MOST: u64 = 1040;
+
+/// An open file.
+pub(super) struct Npz {
+    path: PathBuf,
+    archive: ZipArchive<BufReader<File>>,
+}
+
+impl Npz {
+    /// Opens a file and reads its list of arrays.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(Error::io("open", path))?;
+        let archive = ZipArchive::new(BufReader::new(file))
+            .map_err(|error| Error::malformed(path, error.to_string(), "a whole .npz file"))?;
+        Ok(Self { path: path.to_owned(), archive })
+    }
+
+    /// The arrays' names, sorted.
+    pub(super) fn names(&self) -> Vec<String> {
+        let names = self.archive.file_names().filter_map(std::result::Result::ok);
+        let mut names: Vec<String> = names.filter_map(|name| Some(name.strip_suffix(".npy")?.to_owned())).collect();
+        names.sort_unstable();
+        names
+    }
+
+    /// One array; none when the file does not have it.
+    pub(super) fn array(&mut self, name: &str) -> Result<Option<Array>> {
+        let Some(index) = self.archive.index_for_name(&format!("{name}.npy")) else { return Ok(None) };
+        let broken = |fact: String| Error::malformed(&*self.path, format!("{name}: {fact}"), "a whole .npz file");
+        let member = self.archive.by_index(index).map_err(|error| broken(error.to_string()))?;
+        let most = member.compressed_size().saturating_mul(DEFLATE_AT_MOST).min(member.size());
+        npy::read(member, most).map(Some).map_err(broken)
+    }
+
+    /// One array that must be there.
+    pub(super) fn needed(&mut self, name: &str) -> Result<Array> {
+        let found = self.names().join(", ");
+        let path = self.path.clone();
+        self.array(name)?
+            .ok_or_else(|| Error::malformed(path, format!("no array {name}, only {found}"), "image, action and reward"))
+    }
+}

@@ -1,0 +1,110 @@
+//! `vibes-collect split REC --parts 0.8,0.2 -o PREFIX`: divides a recording by share.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use serde_json::json;
+use vibes_data::Recording;
+
+use super::merge::transfer;
+use super::{Outcome, OutputArgs};
+use crate::Error;
+use crate::care::select::write_subset;
+use crate::care::split::{SplitBy, split};
+
+/// The parts keep the episodes' numbers, cells and files; `merge` puts them together again. By row or column of the grid, no part
+/// sees a state or distractor trajectory of another.
+#[derive(Debug, Args)]
+pub(super) struct SplitArgs {
+    /// The recording's folder.
+    path: PathBuf,
+    /// The parts' shares; what they leave of 1 is left out.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0.8,0.2")]
+    parts: Vec<f64>,
+    /// What is dealt out whole [default: state on a grid, else episode].
+    #[arg(long, value_enum)]
+    by: Option<By>,
+    /// The parts' names [default: train,val or train,val,test; from four on, 1,2,...].
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    names: Option<Vec<String>>,
+    /// The new recordings' folders are PREFIX-NAME [default: the recording's own].
+    #[arg(short, long, value_name = "PREFIX")]
+    output: Option<PathBuf>,
+    /// The seed of who falls into which part.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Copy files instead of linking them.
+    #[arg(long)]
+    copy: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum By {
+    /// Episodes.
+    Episode,
+    /// Rows of the grid, the state trajectories.
+    State,
+    /// Columns of the grid, the distractor trajectories.
+    Distractor,
+    /// Rows and columns; cells whose row and column fall into different parts are left out.
+    Both,
+}
+
+impl SplitArgs {
+    fn by(&self, recording: &Recording) -> SplitBy {
+        match self.by {
+            Some(By::Episode) => SplitBy::Episode,
+            Some(By::State) => SplitBy::State,
+            Some(By::Distractor) => SplitBy::Distractor,
+            Some(By::Both) => SplitBy::Both,
+            None if recording.manifest().grid.is_some() => SplitBy::State,
+            None => SplitBy::Episode,
+        }
+    }
+
+    fn names(&self) -> Result<Vec<String>> {
+        let count = self.parts.len();
+        let names = self.names.clone().unwrap_or_else(|| match count {
+            0..=3 => ["train", "val", "test"][..count].iter().map(|&name| name.to_owned()).collect(),
+            _ => (1..=count).map(|number| number.to_string()).collect(),
+        });
+        let distinct: std::collections::BTreeSet<&String> = names.iter().collect();
+        if names.len() != count || distinct.len() != count || names.iter().any(|name| name.contains(['/', '\\'])) {
+            let fact = format!("{count} parts and the names {}", names.join(", "));
+            return Err(
+                Error::Selection { fact, expected: "a different name for each part, without slashes".into() }.into()
+            );
+        }
+        Ok(names)
+    }
+
+    fn folder(&self, name: &str) -> PathBuf {
+        let prefix: &Path = self.output.as_deref().unwrap_or(&self.path);
+        let stem = prefix.file_name().map_or_else(|| "recording".into(), std::ffi::OsStr::to_string_lossy);
+        prefix.with_file_name(format!("{stem}-{name}"))
+    }
+}
+
+#[allow(clippy::print_stdout, reason = "the command line says what it did")]
+pub(super) fn run(args: &SplitArgs, output: OutputArgs) -> Result<Outcome> {
+    let recording = Recording::open(&args.path)?;
+    let (by, names) = (args.by(&recording), args.names()?);
+    let parts = split(&recording, by, &args.parts, args.seed)?;
+    let mut made = Vec::new();
+    for (number, (name, kept)) in names.iter().zip(&parts).enumerate() {
+        let note = json!({ "verb": "split", "by": by, "parts": args.parts, "seed": args.seed, "part": number });
+        let part = write_subset(&recording, kept, &note, &args.folder(name), transfer(args.copy))?;
+        made.push(json!({ "recording": part.path(), "episodes": kept.len() }));
+        if !output.json && !output.quiet {
+            println!("{}: {} episodes", part.path().display(), kept.len());
+        }
+    }
+    let left: usize = recording.episodes().len() - parts.iter().map(Vec::len).sum::<usize>();
+    if output.json {
+        println!("{}", json!({ "parts": made, "left_out": left }));
+    } else if !output.quiet && left > 0 {
+        println!("{left} episodes are in no part");
+    }
+    Ok(Outcome::Done)
+}
