@@ -23,7 +23,7 @@ pub(super) fn numbers<T: ArrowPrimitiveType>(
 /// A column of lists of one size.
 pub(super) fn list(values: ArrayRef, len: usize) -> Result<ArrayRef, ArrowError> {
     let item = Arc::new(Field::new("item", values.data_type().clone(), true));
-    let len = i32::try_from(len).map_err(|_| ArrowError::InvalidArgumentError(format!("{len} numbers a row")))?;
+    let len = i32::try_from(len).map_err(|_e| ArrowError::InvalidArgumentError(format!("{len} numbers a row")))?;
     Ok(Arc::new(FixedSizeListArray::try_new(item, len, values, None)?))
 }
 

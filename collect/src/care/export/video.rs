@@ -1,4 +1,4 @@
-//! Pictures as an H.264 stream in which every picture stands whole (I_PCM): a decoder gets back exactly the luma and chroma written here.
+//! Pictures as an H.264 stream in which every picture stands whole (the macroblock type `I_PCM`): a decoder gets back exactly the luma and chroma written here.
 //!
 //! In: RGB pictures `[height, width, 3]`. Out: MP4 files. Lost is what 4:2:0 loses: chroma is averaged over 2 x 2 pixels, and the conversion to full-range
 //! BT.601 rounds to whole numbers. In exchange any picture is decoded without its neighbours.

@@ -112,7 +112,7 @@ impl Dataset {
             observations.sort_by_key(|leaf| place(leaf).unwrap_or(usize::MAX));
         }
         let action = space("action_space", &metadata.action_space)?.leaves("actions");
-        let [action] = action.try_into().map_err(|_| broken("actions of several spaces".into()))?;
+        let [action] = action.try_into().map_err(|_e| broken("actions of several spaces".into()))?;
         if let LeafKind::Other(what) = &action.kind {
             return Err(broken(format!("actions are {what}; Box and Discrete are read")));
         }
