@@ -158,7 +158,7 @@ fn only_recordings_of_one_spec_are_merged() {
         assert!(error.contains(says), "{error}");
     };
     refused(&[one.clone(), other], "another pixels");
-    refused(&[one.clone()], "two or more");
+    refused(std::slice::from_ref(&one), "two or more");
     refused(&[], "two or more");
     fs::write(folder.path().join("one/episodes/000001.arrow"), "short").unwrap();
     refused(&[one.clone(), one], "000001.arrow");

@@ -174,20 +174,29 @@ fn each_message(
                 reader.notify_read(now.len());
                 rest = later;
             }
-            LinearReadEvent::Record { data, opcode } if [op::CHANNEL, op::MESSAGE].contains(&opcode) => {
-                match mcap::parse_record(opcode, data).map_err(text)? {
-                    Record::Channel(channel) => drop(topics.insert(channel.id, channel.topic)),
-                    Record::Message { header, data } => {
-                        let topic = topics.get(&header.channel_id).ok_or("a message of an unknown channel")?;
-                        each(topic, &data)?;
-                    }
-                    _ => {}
+            LinearReadEvent::Record { data, opcode: op::CHANNEL } => {
+                let (id, topic) = channel(data).ok_or("a damaged channel")?;
+                topics.insert(id, topic);
+            }
+            LinearReadEvent::Record { data, opcode: op::MESSAGE } => {
+                if let Record::Message { header, data } = mcap::parse_record(op::MESSAGE, data).map_err(text)? {
+                    let topic = topics.get(&header.channel_id).ok_or("a message of an unknown channel")?;
+                    each(topic, &data)?;
                 }
             }
             LinearReadEvent::Record { .. } => {}
         }
     }
     Ok(())
+}
+
+/// A channel's number and topic: the number, that of its schema, then the topic's length and bytes. The parser of the `mcap` package would allocate
+/// whatever length stands there.
+fn channel(data: &[u8]) -> Option<(u16, String)> {
+    let id = u16::from_le_bytes(data.get(..2)?.try_into().ok()?);
+    let length = u32::from_le_bytes(data.get(4..8)?.try_into().ok()?) as usize;
+    let topic = data.get(8..)?.get(..length)?;
+    Some((id, String::from_utf8(topic.to_vec()).ok()?))
 }
 
 fn append(episode: &mut Episode, topic: &str, data: &[u8]) -> std::result::Result<(), String> {

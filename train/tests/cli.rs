@@ -72,7 +72,11 @@ fn train_go_on_encode_and_info() {
     assert!(page.contains("After 6 of 6 updates") && page.contains("**vibes** on coins"), "{page}");
     let run = std::fs::read_dir(folder.path().join("runs/coins-vibes")).unwrap();
     let names = run.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned());
-    assert_eq!(names.filter(|name| name.starts_with("events.out.tfevents.")).count(), 2, "one for each time it trained");
+    assert_eq!(
+        names.filter(|name| name.starts_with("events.out.tfevents.")).count(),
+        2,
+        "one for each time it trained"
+    );
 
     assert_done(&vibes_train(folder.path(), &["encode", "runs/coins-vibes", "coins"]));
     let latents = Latents::read(&folder.path().join("runs/coins-vibes/latents.arrow")).unwrap();
