@@ -33,10 +33,11 @@ pub(crate) struct Reader {
 }
 
 /// All of them.
-pub(crate) const READERS: [Reader; 11] = [
+pub(crate) const READERS: [Reader; 12] = [
     Reader { name: "manifest", file: "recording/manifest.json", read: manifest },
     Reader { name: "episode", file: "recording/episodes/000000.arrow", read: episode },
     Reader { name: "log", file: "recording/episodes/000000.mcap", read: log },
+    Reader { name: "log_plain", file: "plain.mcap", read: log },
     Reader { name: "latents", file: "latents.arrow", read: |_, path| Latents::read(path).is_ok() },
     Reader { name: "npz_stored", file: "stored.npz", read: |_, path| read_dreamer_file(path).is_ok() },
     Reader { name: "npz_deflated", file: "deflated.npz", read: |_, path| read_dreamer_file(path).is_ok() },
@@ -64,6 +65,8 @@ impl Readers {
             ..Latents::default()
         };
         latents.write(&at("latents.arrow")).unwrap();
+        let log = fs::read(at("recording/episodes/000000.mcap")).unwrap();
+        fs::write(at("plain.mcap"), without_checksums(&log)).unwrap();
         export(&recording, ExportFormat::Minari, None, &at("exported-v0")).unwrap();
         let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("../collect/tests/golden");
         for name in ["arrow-v0", "hdf5-v0", "jpeg-v0"] {
@@ -108,6 +111,18 @@ fn copy(from: &Path, to: &Path) {
             fs::copy(&path, &place).unwrap();
         }
     }
+}
+
+/// The same messages in a log that damage can reach into: not compressed, no checksums.
+fn without_checksums(log: &[u8]) -> Vec<u8> {
+    let options =
+        mcap::WriteOptions::new().compression(None).calculate_chunk_crcs(false).calculate_data_section_crc(false);
+    let mut writer = options.calculate_summary_section_crc(false).create(std::io::Cursor::new(Vec::new())).unwrap();
+    for message in mcap::MessageStream::new(log).unwrap() {
+        writer.write(&message.unwrap()).unwrap();
+    }
+    writer.finish().unwrap();
+    writer.into_inner().into_inner()
 }
 
 /// The first steps of a golden trace: long files hide the mutations of their heads.

@@ -14,6 +14,7 @@ use std::sync::atomic::AtomicBool;
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use vibes_data::{EpisodeEntry, Grid, Manifest, Recording};
 
+use crate::care::select::SUBSET;
 use crate::plan::{RecordOptions, state_seed};
 use crate::recorder::{Progress, RecordRun, Source, record};
 use crate::stored::{has_logs, options_of};
@@ -113,6 +114,9 @@ fn check(recording: &Recording, options: &RecordOptions, size: Size) -> Result<(
     let fault = |fact: String| Err(Error::NotAsPlanned { fact, path: path.into() });
     if options.rotated.is_some() {
         return fault("its states were turned about the origin".to_owned());
+    }
+    if recording.manifest().options.get(SUBSET).is_some() {
+        return fault("it is a part of another, and growing would fill in what was left out".to_owned());
     }
     let seed = recording.manifest().seed;
     let planned: Vec<_> = options.episodes().collect();

@@ -143,7 +143,7 @@ pub fn read_mcap(path: &Path, spec: &Spec) -> Result<Episode> {
     let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
     let broken = |fact: String| Error::malformed(path, fact, "a whole MCAP log of an episode");
     let mut episode = Episode::default();
-    each_message(&bytes, |topic, data| append(&mut episode, topic, data)).map_err(broken)?;
+    each_message(&bytes, |topic, data| append(&mut episode, spec, topic, data)).map_err(broken)?;
     if episode.cameras.is_empty() {
         return Err(broken("no steps".into()));
     }
@@ -199,10 +199,16 @@ fn channel(data: &[u8]) -> Option<(u16, String)> {
     Some((id, String::from_utf8(topic.to_vec()).ok()?))
 }
 
-fn append(episode: &mut Episode, topic: &str, data: &[u8]) -> std::result::Result<(), String> {
+fn append(episode: &mut Episode, spec: &Spec, topic: &str, data: &[u8]) -> std::result::Result<(), String> {
     let text = |error: prost::DecodeError| error.to_string();
     match topic {
-        PIXELS => episode.pixels.extend_from_slice(&RawImage::decode(data).map_err(text)?.data),
+        PIXELS => {
+            let picture = RawImage::decode(data).map_err(text)?.data;
+            if picture.len() != spec.pixels_len() {
+                return Err(format!("a picture of {} bytes", picture.len()));
+            }
+            episode.pixels.extend_from_slice(&picture);
+        }
         STEP => append_step(episode, Step::decode(data).map_err(text)?),
         DISTRACTOR => {
             let shown = Distractor::decode(data).map_err(text)?;

@@ -86,7 +86,99 @@ fn hostile_manifests_are_refused() {
     assert!(refused(&|bad| bad["spec"]["qpos"] = u64::MAX.into()));
     assert!(refused(&|bad| bad["spec"]["control_timestep"] = 0.into()));
     assert!(refused(&|bad| bad["format"] = "vibes-recording/9".into()));
+    // Sizes that are small enough one by one, cells out of the grid or there twice, numbers out of order, a grid too large.
+    assert!(refused(&|bad| {
+        let part = serde_json::json!({ "name": "part", "len": 1 << 20 });
+        bad["spec"]["observation"] = vec![part; 100].into();
+    }));
+    assert!(refused(&|bad| bad["spec"]["action"] = serde_json::json!({ "min": [], "max": [] })));
+    assert!(refused(&|bad| bad["spec"]["control_timestep"] = (-1.0).into()));
+    assert!(refused(&|bad| bad["episodes"][0]["cell"]["state"] = 1.into()));
+    assert!(refused(&|bad| bad["grid"]["distractors"] = u32::MAX.into()));
+    assert!(refused(&|bad| bad["videos"][0]["frames"] = u32::MAX.into()));
+    for (index, cell) in [(0, 1), (1, 0)] {
+        assert!(refused(&|bad| {
+            bad["grid"]["distractors"] = 2.into();
+            let mut twin = bad["episodes"][0].clone();
+            twin["index"] = index.into();
+            twin["cell"]["distractor"] = cell.into();
+            bad["episodes"].as_array_mut().unwrap().push(twin);
+        }));
+    }
+    for path in ["", ".", "..", "episodes/../../x", "./x"] {
+        assert!(refused(&|bad| bad["episodes"][0]["mcap"]["path"] = path.into()), "{path}");
+    }
+    // Numbers that JSON does not have.
+    for number in ["NaN", "1e999", "Infinity", "null"] {
+        let text = serde_json::to_string(&good)
+            .unwrap()
+            .replace("\"control_timestep\":0.02", &format!("\"control_timestep\":{number}"));
+        fs::write(&path, text).unwrap();
+        assert!(matches!(Manifest::read(&path), Err(Error::Malformed { .. })), "{number}");
+    }
     assert!(!refused(&|_| {}));
+}
+
+#[test]
+fn rewards_that_are_no_numbers_are_not_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let spec = spec(true);
+    let writer = RecordingWriter::create_or_resume(folder.path(), manifest(&spec, None), true).unwrap();
+    for bad in [f32::NAN, f32::INFINITY] {
+        let mut odd = episode(&spec, 0, None, 4, false);
+        odd.rewards[2] = bad;
+        let error = writer.write(&odd, info(0)).unwrap_err().to_string();
+        assert!(error.contains("reward of step 2"), "{error}");
+        let mut odd = episode(&spec, 0, None, 4, false);
+        odd.discounts[0] = bad;
+        assert!(writer.write(&odd, info(0)).is_err());
+    }
+    // Observations may be: a simulator that went astray is worth recording.
+    let mut odd = episode(&spec, 0, None, 4, false);
+    (odd.observations[1], odd.qpos[0]) = (f32::NAN, f64::NEG_INFINITY);
+    writer.write(&odd, info(0)).unwrap();
+    assert!(verify_recording(&writer.finish().unwrap()).is_empty(), "the same in both files, to the bit");
+}
+
+#[test]
+fn verify_finds_what_checksums_do_not() {
+    let folder = tempfile::tempdir().unwrap();
+    recording(folder.path(), 1, 2);
+    let path = folder.path().join("manifest.json");
+    let good: Manifest = Manifest::read(&path).unwrap();
+    let fault = |change: &dyn Fn(&mut Manifest)| -> String {
+        let mut other = good.clone();
+        change(&mut other);
+        other.write(&path).unwrap();
+        let findings = verify_recording(&Recording::open(folder.path()).unwrap());
+        findings.first().map_or(String::new(), |finding| finding.fault.clone())
+    };
+    assert_eq!(fault(&|_| {}), "");
+    assert!(fault(&|other| other.episodes[1].policy = "planner".into()).contains("its own policy is \"random\""));
+    assert!(fault(&|other| other.episodes[0].seed = 99).contains("its own seed"));
+    assert!(fault(&|other| other.videos.truncate(1)).contains("of the manifest's 1 videos"));
+    assert!(fault(&|other| other.videos[0].frames = 5).contains("frame 6 of video 0"));
+    assert!(fault(&|other| other.episodes[0].episode_return += 1.0).contains("own return"));
+    assert!(
+        fault(&|other| {
+            other.episodes[1].arrow = other.episodes[0].arrow.clone();
+            other.episodes[1].mcap = None;
+        })
+        .contains("episode 0")
+    );
+}
+
+#[test]
+fn pipes_and_folders_are_no_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("folder.arrow");
+    fs::create_dir(&path).unwrap();
+    assert!(matches!(Latents::read(&path), Err(Error::Malformed { .. })));
+    // Opening a pipe waits for its writer: the reader must not get so far.
+    let pipe = folder.path().join("pipe.arrow");
+    if std::process::Command::new("mkfifo").arg(&pipe).status().is_ok_and(|status| status.success()) {
+        assert!(matches!(Latents::read(&pipe), Err(Error::Malformed { .. })));
+    }
 }
 
 /// Every reader, on a file whose bytes are not to be trusted. Errors are fine; panics and hangs are not.
