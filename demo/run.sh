@@ -4,30 +4,48 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-train=recordings/demo-train # reacher-easy, mixed behaviour, training videos
+train=recordings/demo-train # cartpole-swingup, mixed behaviour, training videos
+again=recordings/demo-again # the same states under other distractors
 grid=recordings/demo-grid   # 8 state trajectories under 8 distractor trajectories, held-out videos
 run=runs/demo
-minutes=${DEMO_MINUTES:-9}
+kept=checkpoints/cartpole-swingup
+minutes=${DEMO_MINUTES:-8}
 started=$SECONDS
 
 step() { printf '\n== %s\n' "$1"; }
 
 step "Recording training episodes: random, noisy and good behaviour, training videos"
-vibes-collect --task reacher-easy --episodes 120 --mix random:0.2,planner:noise=0.5:0.4,planner:0.4 \
-    --video-set train --video-count 60 --seed 1 -o "$train"
+vibes-collect --task cartpole-swingup --episodes 80 --mix random:0.2,planner:noise=1:0.4,planner:noise=0.4:0.4 \
+    --video-set train --video-count 90 --seed 1 -o "$train"
+
+step "Drawing them again under other distractors: pictures are cheaper than planning"
+for view in 1 2; do
+    vibes-collect render "$train" --seed "10$view" --video-set train --video-count 90 --no-mcap -o "$again-$view"
+done
 
 step "Recording a grid on held-out videos"
-vibes-collect --task reacher-easy --grid 8x8 --policy planner:noise=0.2 \
+vibes-collect --task cartpole-swingup --grid 8x8 --mix random:0.2,planner:noise=1:0.4,planner:noise=0.4:0.4 \
     --video-set val --video-count 8 --seed 2 -o "$grid"
 
 step "Training VIBES for $minutes minutes"
-vibes-train offline "$train" --minutes "$minutes" --seed 0 -o "$run"
+vibes-train offline "$train" "$again-1" "$again-2" --minutes "$minutes" --seed 0 -o "$run"
 
-step "Encoding the grid"
+step "Encoding the grid, with this model and with the kept one, which trained for longer"
 vibes-train encode "$run" "$grid"
+vibes-train encode "$kept" "$grid" -o "$run-kept/latents.arrow"
 
-updates=$(vibes-train info "$run" --json | python3 -c 'import json, sys; print(json.load(sys.stdin)["last"]["update"])')
-note="trained for $updates updates in $minutes minutes : barely trained"
+step "How far it got"
+vibes-train evaluate "$run" "$grid" --gap-updates 0
+# Updates made, and the verdict: is most of what varies the state?
+read -r updates verdict < <(
+    { vibes-train info "$run" --json; cat "$run/evaluation.json"; } | python3 -c '
+import json, sys
+decode, text = json.JSONDecoder(), sys.stdin.read()
+info, end = decode.raw_decode(text)
+state = decode.raw_decode(text[end:].lstrip())[0]["report"]["shares"]["state"]
+print(info["last"]["update"], "it sees the pole, and little else yet" if state >= 0.8 else "barely trained")'
+)
+note="$updates updates from nothing in $minutes minutes: $verdict"
 latents=$run/latents.arrow
 
 step "Analysing"
@@ -36,19 +54,22 @@ vibes-analyze umap --latents "$latents" --note "$note"
 vibes-analyze grid --panels 4x4 --latents "$latents" --note "$note"
 vibes-analyze invariance --latents "$latents" --note "$note"
 vibes-analyze probe --latents "$latents" --note "$note"
+vibes-analyze compare "$latents" "$run-kept/latents.arrow"
 vibes-analyze scene --latents "$latents"
 
 figures=$run/figures
 cat <<EOF
 
-Done in $(((SECONDS - started) / 60)) min $(((SECONDS - started) % 60)) s. $updates updates are far from a converged model: read the figures as such.
+Done in $(((SECONDS - started) / 60)) min $(((SECONDS - started) % 60)) s. After $note.
 
-  $figures/neighbours.png    query frames above their five nearest neighbours from other trajectories: do they show the same arm and target?
+  $figures/neighbours.png    query frames above their five nearest neighbours from other trajectories: do their poles stand alike?
   $figures/map-by-state.png  every latent on one UMAP map, coloured by state trajectory (also by time, reward, distractor)
   $figures/grid.png          rows share the state, columns the distractor: a row should look alike from left to right
   $figures/invariance.png    how much of the latents' variance is state, how much distractor; how often a neighbour shows the same state
   $figures/probes.png        what can be read off the latents: task quantities should be high, distractor parameters at chance
+  $figures/compare.png       this model beside the kept one
   $figures/scene.rrd         frame, latent, map and neighbours on one timeline; open it with: rerun $figures/scene.rrd
 
-Train on with: vibes-train offline $train --updates 50000 -o $run
+Train on with: vibes-train offline $train $again-1 $again-2 --minutes 0 --updates 50000 -o $run
+Or go on from the kept weights: vibes-train offline $train $again-1 $again-2 --from $kept -o runs/further
 EOF

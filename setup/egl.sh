@@ -3,8 +3,10 @@
 # Installs Debian's or Ubuntu's packages when EGL is missing; without root it says the exact command and stops.
 set -euo pipefail
 
-has() { ldconfig -p 2>/dev/null | grep -q "$1"; }
-if has 'libEGL\.so\.1' && has 'libGL\.so\.1' && { has 'libEGL_mesa\.so\.0' || has 'libEGL_nvidia\.so\.0'; }; then exit 0; fi
+# On Debian /sbin is not on everybody's path.
+libraries=$(PATH="$PATH:/usr/sbin:/sbin" ldconfig -p 2>/dev/null || true)
+has() { [[ $libraries == *"$1"* ]]; }
+if has libEGL.so.1 && has libGL.so.1 && { has libEGL_mesa.so.0 || has libEGL_nvidia.so.0; }; then exit 0; fi
 
 packages="libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri libopengl0"
 command -v apt-get >/dev/null || {
