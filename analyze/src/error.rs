@@ -39,7 +39,7 @@ pub enum Error {
         value: f64,
     },
     /// No rows, or fewer than the computation needs.
-    #[error("{what} needs at least {needed} rows, found {found}")]
+    #[error("{what}: found {found}, at least {needed} needed")]
     TooFewRows {
         /// Which computation.
         what: &'static str,
@@ -50,8 +50,8 @@ pub enum Error {
     },
     /// A query has fewer admissible candidates than the neighbours asked for.
     #[error(
-        "episode {episode}, step {step}: only {found} rows may be its neighbours, {needed} were asked for \
-         (rows of its own {excluded} do not count)"
+        "episode {episode}, step {step}: only {found} rows may be its neighbours ({excluded}), {needed} were asked for; \
+         ask for fewer, or take more rows"
     )]
     TooFewNeighbours {
         /// The query's key.
@@ -62,7 +62,7 @@ pub enum Error {
         needed: usize,
         /// Rows left after the exclusion.
         found: usize,
-        /// What was excluded: "row", "trajectory" or "group".
+        /// What was excluded, as in "the row itself does not count".
         excluded: &'static str,
     },
     /// Every dimension holds one value: no distance can tell rows apart.
@@ -76,6 +76,15 @@ pub enum Error {
     /// The table says nothing about states and distractors.
     #[error("no row has a state and a distractor: this needs latents of a recording made with --grid")]
     NoGrid,
+    /// No two rows show one state turned about the origin.
+    #[error(
+        "no two rows of other trajectories are rotations of each other within {tolerance} m; widen --tolerance, or re-render a rotation of the \
+         recording with `vibes-collect render` and encode both"
+    )]
+    NoRotations {
+        /// Most they may differ, metres.
+        tolerance: f64,
+    },
     /// A cell of the grid has no rows.
     #[error(
         "{missing} of {cells} cells of the grid have no rows, the first is state {state} under distractor {distractor}"

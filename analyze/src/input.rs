@@ -10,7 +10,7 @@ mod run;
 
 use std::path::PathBuf;
 
-pub use found::{find_recording, newest_latents};
+pub use found::{find_latents, find_recording, newest_latents};
 pub use frames::Frames;
 pub use latents::read_latents;
 pub use run::{Run, Series};
@@ -82,6 +82,22 @@ pub enum InputError {
         /// The first contradiction.
         fact: String,
         /// The recording.
+        path: PathBuf,
+    },
+    /// A file that is no map to project onto.
+    #[error("{fact}; --onto takes the map.arrow that `vibes-analyze umap` wrote: {path}")]
+    NotAMap {
+        /// What was found.
+        fact: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// The latents of an old map are gone.
+    #[error("the latents {named} that this map is of are not there; name them with --onto-latents: {path}")]
+    NoOldLatents {
+        /// What the map's metadata says.
+        named: String,
+        /// The map.
         path: PathBuf,
     },
     /// A folder that is no run.

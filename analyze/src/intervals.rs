@@ -1,6 +1,6 @@
-//! How sure a number is: bootstrap intervals over trajectories, Student intervals over runs.
+//! How sure a number is: bootstrap intervals over trajectories, Student intervals over runs, and a jackknife for shares of a grid's variance.
 //!
-//! Rows of one trajectory are not independent, so trajectories are what is drawn again, never rows.
+//! Rows of one trajectory are not independent, so trajectories are what is drawn again or left out, never rows.
 
 use rand::Rng;
 use rayon::prelude::*;
@@ -61,6 +61,38 @@ pub fn student(values: &[f64]) -> Interval {
     let variance = values.iter().map(|x| (x - estimate).powi(2)).sum::<f64>() / (count - 1.0);
     let half = t_quantile(values.len() - 1) * (variance / count).sqrt();
     Interval { estimate, low: estimate - half, high: estimate + half }
+}
+
+/// The 95% interval of a share of variance between 0 and 1 that depends on two crossed kinds of trajectories, from its values `without` each
+/// trajectory of either kind: the jackknife, on the scale `ln(p / (1 - p))` so that the ends stay between 0 and 1.
+///
+/// Both kinds are taken as drawn at random, so their variances add up; degrees of freedom after Satterthwaite. A bootstrap will not do here: a grid
+/// that holds a trajectory twice varies less, and its shares lie beside the estimate. No interval with fewer than three of a kind.
+#[must_use]
+pub fn crossed_share(estimate: f64, without: [&[f64]; 2]) -> Interval {
+    const EDGE: f64 = 1e-12;
+    let logit = |share: f64| {
+        let share = share.clamp(EDGE, 1.0 - EDGE);
+        (share / (1.0 - share)).ln()
+    };
+    if without.iter().any(|values| values.len() < 3) || !estimate.is_finite() {
+        return Interval { estimate, low: f64::NAN, high: f64::NAN };
+    }
+    let variance = without.map(|values| {
+        let (count, values) = (values.len() as f64, values.iter().map(|&share| logit(share)).collect::<Vec<_>>());
+        let mean = values.iter().sum::<f64>() / count;
+        (count - 1.0) / count * values.iter().map(|x| (x - mean).powi(2)).sum::<f64>()
+    });
+    let total = variance[0] + variance[1];
+    let doubt: f64 = variance.iter().zip(without).map(|(v, values)| v * v / (values.len() as f64 - 1.0)).sum();
+    let freedom = if doubt > 0.0 { (total * total / doubt).floor().max(1.0) } else { 1.0 };
+    let half = if total > 0.0 { t_quantile(freedom as usize) * total.sqrt() } else { 0.0 };
+    let share = |logit: f64| 1.0 / (1.0 + (-logit).exp());
+    Interval {
+        estimate,
+        low: share(logit(estimate) - half).min(estimate),
+        high: share(logit(estimate) + half).max(estimate),
+    }
 }
 
 /// The 97.5% quantile of Student's t.

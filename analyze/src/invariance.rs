@@ -11,7 +11,7 @@ mod grid;
 mod retrieval;
 mod variance;
 
-pub use grid::Grid;
+pub use grid::{Dropped, Grid};
 pub use retrieval::{Retrieval, RetrievalOptions, retrieval, retrieval_at_step};
 pub use variance::{StepShares, VarianceSplit, variance};
 

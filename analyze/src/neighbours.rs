@@ -37,6 +37,32 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
+    /// Neighbours that were found earlier: `rows` and `distances` `[queries, k]`, nearest first.
+    ///
+    /// # Errors
+    /// Columns of unequal length, or not a whole number of queries long.
+    pub fn from_parts(k: usize, rows: Vec<u32>, distances: Vec<f64>) -> Result<Self, Error> {
+        let queries = rows.len().checked_div(k).unwrap_or(0);
+        for found in [rows.len(), distances.len()] {
+            if found != queries * k || found == 0 {
+                return Err(Error::Length { what: "neighbour graph", expected: queries * k, found });
+            }
+        }
+        Ok(Self { k, rows, distances })
+    }
+
+    /// The rows of all queries, `[queries, k]`.
+    #[must_use]
+    pub fn all_rows(&self) -> &[u32] {
+        &self.rows
+    }
+
+    /// The distances of all queries, `[queries, k]`.
+    #[must_use]
+    pub fn all_distances(&self) -> &[f64] {
+        &self.distances
+    }
+
     /// Neighbours per query.
     #[must_use]
     pub fn k(&self) -> usize {
@@ -98,13 +124,21 @@ pub fn nearest(space: &Space<'_>, queries: &[usize], k: usize, exclude: Exclude<
     let found = search::nearest(space, &points, &barred, labels, k, |query, row| space.distance(queries[query], row))?;
     complete(found, k, |query, found| {
         let excluded = match exclude {
-            Exclude::Itself => "row",
-            Exclude::Trajectory => "trajectory",
-            Exclude::Group(_) => "group",
+            Exclude::Itself => "the row itself does not count",
+            Exclude::Trajectory => "rows of its own trajectory do not count",
+            Exclude::Group(_) => "rows of its own group do not count",
         };
         let row = queries[query];
         Error::TooFewNeighbours { episode: table.episode()[row], step: table.step()[row], needed: k, found, excluded }
     })
+}
+
+/// How many queries of at most `most` a measure asks for in a table of `rows` rows: their product stays bounded, so that a million rows
+/// take as long as a hundred thousand.
+#[must_use]
+pub fn bounded_queries(most: usize, rows: usize) -> usize {
+    const PAIRS: usize = 500_000_000;
+    most.min((PAIRS / rows.max(1)).max(200))
 }
 
 /// The neighbour graph: the `k` nearest rows of every row.

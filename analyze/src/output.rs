@@ -1,5 +1,6 @@
 //! Writing numbers: JSON documents that say where they come from, and Arrow tables.
 
+mod graph_table;
 mod map_table;
 mod tables;
 
@@ -8,6 +9,7 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+pub use graph_table::GraphTable;
 pub use map_table::MapTable;
 pub use tables::{Column, write_table};
 

@@ -119,6 +119,28 @@ mod tests {
         }
     }
 
+    /// linfa's PCA, by another algorithm, on directions it can tell apart.
+    #[test]
+    fn agrees_with_linfa_where_that_finds_the_components() {
+        use linfa::traits::{Fit, Predict};
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let values: Vec<f32> =
+            (0..500 * 6).map(|at| 3.0_f32.powi(2 - at % 6) * rng.random_range(-1.0..1.0) + 7.0).collect();
+        let records = ndarray::Array2::from_shape_fn((500, 6), |(row, dim)| f64::from(values[row * 6 + dim]));
+        let dataset = linfa::DatasetBase::from(records.clone());
+        let theirs = linfa_reduction::Pca::params(2).fit(&dataset).unwrap().predict(&records);
+        table(&values, 6, |table| {
+            let ours = pca(table).unwrap().positions;
+            // The sign of a component is free.
+            for axis in 0..2 {
+                let sign = (theirs[[0, axis]] * f64::from(ours[0][axis])).signum();
+                for (row, at) in ours.iter().enumerate() {
+                    assert!((f64::from(at[axis]) - sign * theirs[[row, axis]]).abs() < 1e-3, "row {row}, axis {axis}");
+                }
+            }
+        });
+    }
+
     #[test]
     fn equally_strong_directions_are_no_trouble() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);

@@ -38,7 +38,7 @@ pub enum Probe {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum HoldOut {
-    /// State trajectories where rows lie on a grid, else episodes: the cells of a row share their states.
+    /// State trajectories of rows on a grid (the cells of a row share their states), episodes of others.
     #[default]
     State,
     /// Episodes.
@@ -58,7 +58,7 @@ pub struct ProbeOptions {
     pub neighbours: usize,
     /// Its measure of nearness.
     pub metric: Metric,
-    /// Most rows the kNN probe predicts; more are drawn from.
+    /// Most rows the kNN probe predicts; more are drawn from (above 100,000 rows fewer, see [`bounded_queries`](crate::neighbours::bounded_queries)).
     pub knn_rows: usize,
 }
 
@@ -143,10 +143,10 @@ pub fn probe(
 fn groups(table: &Table<'_>, hold_out: HoldOut) -> Result<Vec<u32>, Error> {
     let cells: Option<Vec<(u32, u32)>> = (0..table.rows()).map(|row| table.cell(row)).collect();
     let labels: Vec<u32> = match (hold_out, cells) {
-        (HoldOut::State, Some(cells)) => cells.iter().map(|cell| cell.0).collect(),
+        (HoldOut::State, _) => return Ok(table.trajectories()),
         (HoldOut::Distractor, Some(cells)) => cells.iter().map(|cell| cell.1).collect(),
         (HoldOut::Distractor, None) => return Err(Error::NoGrid),
-        (HoldOut::State | HoldOut::Episode, _) => table.episode().to_vec(),
+        (HoldOut::Episode, _) => table.episode().to_vec(),
     };
     let mut names = labels.clone();
     names.sort_unstable();

@@ -1,13 +1,13 @@
 //! How much of the latent space's neighbourhoods a map keeps: trustworthiness and the share of neighbours kept.
 //!
-//! In: the space, the map `[rows, 2]`, `k`. Out: both numbers. Above `QualityOptions::rows` rows they are taken over
-//! that many rows drawn from the generator, each still ranked against the whole table.
+//! In: the space, the map `[rows, 2]`, `k`. Out: both numbers. Above `QualityOptions::rows` rows (above 100,000 rows still fewer, see
+//! [`bounded_queries`]) they are taken over that many rows drawn from the generator, each still ranked against the whole table.
 
 use rand::Rng;
 use rand::seq::index;
 use rayon::prelude::*;
 
-use crate::neighbours::{Exclude, Metric, Neighbours, Space, nearest};
+use crate::neighbours::{Exclude, Metric, Neighbours, Space, bounded_queries, nearest};
 use crate::{Error, Table};
 
 /// The two numbers every map comes with.
@@ -57,8 +57,8 @@ pub fn quality(
     if n <= 2 * k {
         return Err(Error::TooFewRows { what: "trustworthiness", needed: 2 * k + 1, found: n });
     }
-    let mut queries: Vec<usize> =
-        if n > options.rows { index::sample(rng, n, options.rows).into_vec() } else { (0..n).collect() };
+    let most = bounded_queries(options.rows, n);
+    let mut queries: Vec<usize> = if n > most { index::sample(rng, n, most).into_vec() } else { (0..n).collect() };
     queries.sort_unstable();
     let near = nearest(space, &queries, k, Exclude::Itself)?;
     let near_on_map = nearest_on_map(table, map, &queries, k)?;

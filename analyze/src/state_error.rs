@@ -1,7 +1,7 @@
 //! Do neighbours in the latent space share the true task state? The number beside the sheet of neighbours.
 //!
 //! In: the task state of every row, queries and their neighbours. Out: the mean distance between a query's state and its neighbours' states,
-//! beside that of random rows of other trajectories, with 95% intervals over the queries' trajectories.
+//! beside that of random rows of other trajectories, with 95% intervals over the queries' trajectories (state trajectories on a grid).
 
 use rand::Rng;
 use serde::Serialize;
@@ -57,10 +57,11 @@ pub fn state_error(
             mean(&mut (0..found.k()).map(|_| distance(row, other())))
         })
         .collect();
-    let mut groups: Vec<u32> = queries.iter().map(|&row| episode[row]).collect();
+    let trajectory = table.trajectories();
+    let mut groups: Vec<u32> = queries.iter().map(|&row| trajectory[row]).collect();
     groups.sort_unstable();
     groups.dedup();
-    let group: Vec<usize> = queries.iter().map(|&row| groups.partition_point(|&g| g < episode[row])).collect();
+    let group: Vec<usize> = queries.iter().map(|&row| groups.partition_point(|&g| g < trajectory[row])).collect();
     let weighted =
         |values: &[f64], counts: &[f64]| -> f64 { values.iter().zip(&group).map(|(v, &g)| v * counts[g]).sum() };
     let total = |counts: &[f64]| -> f64 { group.iter().map(|&g| counts[g]).sum() };

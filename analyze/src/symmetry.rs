@@ -34,6 +34,14 @@ impl ReacherState {
         [finger[0], finger[1], cos * x + sin * y, cos * y - sin * x].map(|x| x as f32)
     }
 
+    /// Whether the two are one state turned about the origin, within the options' tolerance and by at least their angle.
+    #[must_use]
+    pub fn is_rotation_of(self, other: Self, options: SymmetryOptions) -> bool {
+        let (a, b) = (self.in_arm_frame(), other.in_arm_frame());
+        let apart = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt();
+        apart <= options.tolerance && self.turn(other) >= options.turn
+    }
+
     /// The angle between two upper arms, 0 to π.
     fn turn(self, other: Self) -> f64 {
         let turn = (self.joints[0] - other.joints[0]).rem_euclid(std::f64::consts::TAU);
@@ -132,11 +140,7 @@ pub fn rotated_pairs(
     let mut pairs: Vec<(usize, usize)> = tried.par_iter().filter_map(partner).collect();
     pairs.truncate(options.pairs);
     if pairs.is_empty() {
-        return Err(Error::TooFewRows {
-            what: "the symmetry of reacher: pairs of rotated states",
-            needed: 1,
-            found: 0,
-        });
+        return Err(Error::NoRotations { tolerance: options.tolerance });
     }
     Ok(pairs)
 }
@@ -155,11 +159,7 @@ pub fn symmetry(
 ) -> Result<Symmetry, Error> {
     let rows = table.rows();
     if pairs.is_empty() {
-        return Err(Error::TooFewRows {
-            what: "the symmetry of reacher: pairs of rotated states",
-            needed: 1,
-            found: 0,
-        });
+        return Err(Error::NoRotations { tolerance: options.tolerance });
     }
     if let Some(&(a, b)) = pairs.iter().find(|&&(a, b)| a.max(b) >= rows) {
         return Err(Error::NoSuchRow { row: a.max(b), rows });
@@ -168,7 +168,8 @@ pub fn symmetry(
     let drawn: Vec<Vec<usize>> = pairs.iter().map(|&pair| candidates(table, pair, options.candidates, rng)).collect();
     if let Some(at) = drawn.iter().position(Vec::is_empty) {
         let (episode, step) = (table.episode()[pairs[at].0], table.step()[pairs[at].0]);
-        return Err(Error::TooFewNeighbours { episode, step, needed: 1, found: 0, excluded: "trajectory" });
+        let excluded = "rows of its own trajectory do not count";
+        return Err(Error::TooFewNeighbours { episode, step, needed: 1, found: 0, excluded });
     }
     let compare = |(&(row, rotated), drawn): (&(usize, usize), &Vec<usize>)| {
         let image = image_distance(row, rotated);
@@ -181,10 +182,11 @@ pub fn symmetry(
         SymmetricPair { row, rotated, latent, image, matched, matched_latent, matched_image }
     };
     let pairs: Vec<SymmetricPair> = pairs.par_iter().zip(&drawn).map(compare).collect();
-    let mut episodes: Vec<u32> = pairs.iter().map(|pair| table.episode()[pair.row]).collect();
-    episodes.sort_unstable();
-    episodes.dedup();
-    let group = |pair: &SymmetricPair| episodes.partition_point(|&episode| episode < table.episode()[pair.row]);
+    let trajectory = table.trajectories();
+    let mut drawn: Vec<u32> = pairs.iter().map(|pair| trajectory[pair.row]).collect();
+    drawn.sort_unstable();
+    drawn.dedup();
+    let group = |pair: &SymmetricPair| drawn.partition_point(|&one| one < trajectory[pair.row]);
     let groups: Vec<usize> = pairs.iter().map(group).collect();
     let total = |counts: &[f64], part: &dyn Fn(&SymmetricPair) -> f64| -> f64 {
         pairs.iter().zip(&groups).map(|(pair, &group)| counts[group] * part(pair)).sum()
@@ -192,7 +194,7 @@ pub fn symmetry(
     let ratio = |counts: &[f64]| total(counts, &|pair| pair.latent) / total(counts, &|pair| pair.matched_latent);
     let nearer = |pair: &SymmetricPair| f64::from(u8::from(pair.latent < pair.matched_latent));
     let closer = |counts: &[f64]| total(counts, &nearer) / total(counts, &|_| 1.0);
-    let (ratio, closer) = (bootstrap(episodes.len(), rng, ratio), bootstrap(episodes.len(), rng, closer));
+    let (ratio, closer) = (bootstrap(drawn.len(), rng, ratio), bootstrap(drawn.len(), rng, closer));
     Ok(Symmetry { ratio, closer, pairs })
 }
 
@@ -266,6 +268,6 @@ mod tests {
         let table = Table::new(4, &invariant, &episode, &step).unwrap();
         let none = SymmetryOptions { turn: 4.0, ..options };
         let refused = rotated_pairs(&table, &states, none, &mut ChaCha8Rng::seed_from_u64(1));
-        assert!(matches!(refused, Err(Error::TooFewRows { found: 0, .. })));
+        assert!(matches!(refused, Err(Error::NoRotations { .. })));
     }
 }

@@ -88,6 +88,18 @@ impl<'a> Table<'a> {
         Some((self.state?[row]?, self.distractor?[row]?))
     }
 
+    /// What each row's trajectory is, numbered from 0: what is drawn again for intervals and held out by probes. Rows on a grid go by their state
+    /// trajectory (cells of one state are not independent), others by their episode.
+    #[must_use]
+    pub fn trajectories(&self) -> Vec<u32> {
+        let label = |row: usize| self.cell(row).map_or((1, self.episode[row]), |cell| (0, cell.0));
+        let labels: Vec<(u8, u32)> = (0..self.rows()).map(label).collect();
+        let mut names = labels.clone();
+        names.sort_unstable();
+        names.dedup();
+        labels.iter().map(|label| names.partition_point(|name| name < label) as u32).collect()
+    }
+
     /// The row with this key.
     #[must_use]
     pub fn find(&self, episode: u32, step: u32) -> Option<usize> {

@@ -48,9 +48,13 @@ impl TsneOptions {
         Ok(())
     }
 
-    /// Neighbours a point is attracted by: three times the perplexity, as everywhere.
-    fn neighbours(&self) -> usize {
-        (3.0 * self.perplexity) as usize
+    /// Neighbours each row needs in the graph: three times the perplexity, as everywhere.
+    ///
+    /// # Errors
+    /// Options out of range.
+    pub fn graph_size(&self) -> Result<usize, Error> {
+        self.check()?;
+        Ok((3.0 * self.perplexity) as usize)
     }
 }
 
@@ -59,8 +63,7 @@ impl TsneOptions {
 /// # Errors
 /// Options out of range, no more rows than three times the perplexity, or latents that do not vary.
 pub fn tsne(space: &Space<'_>, options: TsneOptions, rng: &mut impl Rng) -> Result<Vec<[f32; 2]>, Error> {
-    options.check()?;
-    let neighbours = graph(space, options.neighbours(), Exclude::Itself)?;
+    let neighbours = graph(space, options.graph_size()?, Exclude::Itself)?;
     tsne_of_graph(space.table(), &neighbours, options, rng)
 }
 

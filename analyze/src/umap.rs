@@ -13,7 +13,7 @@ mod transform;
 pub use curve::Curve;
 pub use fuzzy::FuzzyGraph;
 pub use layout::Position;
-pub use transform::transform;
+pub use transform::{among_neighbours, transform};
 
 use rand::Rng;
 
@@ -60,6 +60,15 @@ impl UmapOptions {
         self.epochs.unwrap_or(if rows <= 10_000 { 500 } else { 200 })
     }
 
+    /// Neighbours each row needs in the graph: a neighbourhood without the point itself.
+    ///
+    /// # Errors
+    /// Options out of range.
+    pub fn graph_size(&self) -> Result<usize, Error> {
+        self.check()?;
+        Ok(self.neighbours - 1)
+    }
+
     fn check(&self) -> Result<(), Error> {
         let refuse = |option, value: String, must| Err(Error::Option { option, value, must });
         if self.neighbours < 2 {
@@ -80,8 +89,7 @@ impl UmapOptions {
 /// # Errors
 /// As [`graph`].
 pub fn neighbour_graph(space: &Space<'_>, options: UmapOptions) -> Result<Neighbours, Error> {
-    options.check()?;
-    graph(space, options.neighbours - 1, Exclude::Itself)
+    graph(space, options.graph_size()?, Exclude::Itself)
 }
 
 /// A map of the space's rows.

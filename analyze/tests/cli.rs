@@ -74,7 +74,7 @@ fn every_verb_writes_its_files_and_one_line_of_result() {
             ],
         ),
         (&["grid", "--panels", "3x5"], &["grid.png", "grid.svg", "grid.json"]),
-        (&["invariance"], &["invariance.png", "invariance.svg", "invariance.json"]),
+        (&["invariance"], &["invariance.png", "invariance.svg", "invariance.json", "invariance.arrow"]),
         (&["probe"], &["probes.png", "probes.svg", "probes.json", "probes.arrow"]),
         (&["scene", "--episodes", "3,7"], &["scene.rrd", "scene.json"]),
         (&["curves", "runs/discs"], &["curves.png", "curves.svg", "table.png", "curves.json", "curves.arrow"]),
@@ -212,7 +212,7 @@ fn the_same_seed_gives_the_same_bytes_whatever_the_threads() {
 fn a_map_is_used_again_only_while_latents_and_options_stay() {
     let fixture = Fixture::grid(2, 3, 20);
     good(fixture.path(), &["umap"]);
-    let again = |args: &[&str]| good(fixture.path(), args).1.contains("used again");
+    let again = |args: &[&str]| good(fixture.path(), args).1.contains("still right");
     assert!(again(&["grid"]));
     assert!(!again(&["grid", "--neighbours", "9"]));
     assert!(!again(&["grid", "--seed", "3", "--neighbours", "9"]));
@@ -220,6 +220,102 @@ fn a_map_is_used_again_only_while_latents_and_options_stay() {
     l.latent[3] += 0.5;
     l.write(&fixture.latents()).expect("latents");
     assert!(!again(&["grid", "--seed", "3", "--neighbours", "9"]));
+}
+
+#[test]
+fn another_layout_uses_the_neighbour_graph_again_and_gives_the_same_map_as_without() {
+    let (once, twice) = (folder(), folder());
+    let umap =
+        |out: &Path, more: &[&str]| good(GRID.path(), &[&["umap", "-o", text(out), "--epochs", "40"], more].concat());
+    umap(once.path(), &["--neighbours", "20"]);
+    for more in [&["--min-dist", "0.6"][..], &["--seed", "4", "--neighbours", "8"]] {
+        let (said, errors) = umap(once.path(), more);
+        assert!(said.contains("neighbour graph used again") && errors.contains("graph.arrow"), "{said} {errors}");
+        let (said, _) = umap(twice.path(), more);
+        let _ = std::fs::remove_file(twice.path().join("graph.arrow"));
+        assert!(!said.contains("used again"), "{said}");
+        let map = |out: &Path| std::fs::read(out.join("map.arrow")).expect("map");
+        assert_eq!(map(once.path()), map(twice.path()), "{more:?}");
+    }
+    let (said, _) = umap(once.path(), &["--metric", "cosine"]);
+    assert!(!said.contains("used again"), "another metric has another graph: {said}");
+    let (said, _) = umap(once.path(), &["--metric", "cosine", "--neighbours", "30"]);
+    assert!(!said.contains("used again"), "more neighbours than the graph has: {said}");
+}
+
+#[test]
+fn large_tables_are_laid_out_in_part_and_the_rest_placed_among_it() {
+    let out = folder();
+    let (said, errors) = good(GRID.path(), &["umap", "-o", text(out.path()), "--fit-rows", "200"]);
+    assert!(errors.contains("200 rows drawn from the 620 were laid out"), "{errors}");
+    let quality = json(&out.path().join("map.json"));
+    // The state is a circle: the placed points lie on it as the laid out ones do.
+    assert!(quality["quality"]["trustworthiness"].as_f64().expect("number") > 0.95, "{said} {quality}");
+    good(GRID.path(), &["umap", "-o", text(out.path()), "--fit-rows", "200", "--method", "tsne", "--perplexity", "10"]);
+    let quality = json(&out.path().join("map.json"));
+    assert!(quality["quality"]["trustworthiness"].as_f64().expect("number") > 0.9, "{quality}");
+}
+
+#[test]
+fn new_latents_are_placed_on_an_old_map_of_the_same_model() {
+    let fixture = Fixture::grid(4, 3, 20);
+    let (old, new) = (fixture.path().join("old"), fixture.path().join("new"));
+    good(fixture.path(), &["umap", "-o", text(&old)]);
+    let l = Latents::read(&fixture.latents()).expect("latents");
+    let later = fixture.path().join("later.arrow");
+    l.write(&later).expect("latents");
+    let map = old.join("map.arrow");
+    let onto = |verb: &[&str], out: &Path| -> Vec<String> {
+        [verb, &["--latents", text(&later), "--onto", text(&map), "-o", text(out)]]
+            .concat()
+            .into_iter()
+            .map(String::from)
+            .collect()
+    };
+    let words = onto(&["umap"], &new);
+    let (said, _) = good(fixture.path(), &words.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(said.contains("placed on"), "{said}");
+    let read = |folder: &Path| vibes_analyze::output::MapTable::read(&folder.join("map.arrow")).expect("map").positions;
+    let (before, after) = (read(&old), read(&new));
+    let moved = |(a, b): (&[f32; 2], &[f32; 2])| f64::from((a[0] - b[0]).hypot(a[1] - b[1]));
+    let mean = before.iter().zip(&after).map(moved).sum::<f64>() / before.len() as f64;
+    assert!(mean < 1.0, "the same latents land near where they were, not {mean} away");
+    good(fixture.path(), &onto(&["grid"], &new).iter().map(String::as_str).collect::<Vec<_>>());
+    // The old map is never overwritten, other latents and other models are refused.
+    let refused = |words: Vec<String>, code: i32| {
+        bad(fixture.path(), &words.iter().map(String::as_str).collect::<Vec<_>>(), code)
+    };
+    assert!(refused(onto(&["umap"], &old), 2).contains("would take the place of the old one"));
+    let mut wide = l.clone();
+    (wide.dims, wide.latent) = (10, l.latent.iter().flat_map(|&x| [x, 1.0 - x]).collect());
+    wide.write(&later).expect("latents");
+    assert!(refused(onto(&["umap"], &new), 2).contains("have 10 dimensions, those of the map 5"));
+    l.write(&later).expect("latents");
+    let mut changed = l.clone();
+    changed.latent[0] += 0.5;
+    changed.write(&fixture.latents()).expect("latents");
+    assert!(refused(onto(&["umap"], &new), 2).contains("the map is of other latents"));
+    std::fs::remove_file(fixture.latents()).expect("removed");
+    assert!(refused(onto(&["umap"], &new), 1).contains("--onto-latents"));
+}
+
+#[test]
+fn held_out_gaps_are_drawn_with_the_curves() {
+    let fixture = Fixture::grid(2, 2, 6);
+    let run = fixture.path().join("runs/discs");
+    let (_, said) = good(fixture.path(), &["curves", "runs/discs"]);
+    assert!(said.contains("vibes-train evaluate RUN GRID"), "{said}");
+    for (update, gap) in [(100, 2.0), (300, 0.5)] {
+        let text = format!(
+            "{{\"checkpoint\":\"runs/discs/checkpoints/{update:06}/model.safetensors\",\"report\":{{}},\"gaps\":{{\"dynamics_gap\":{gap},\"reward_gap\":0.1}}}}"
+        );
+        std::fs::write(run.join(format!("evaluation-{update}.json")), text).expect("evaluation");
+    }
+    let (_, said) = good(fixture.path(), &["curves", "runs/discs", "--table", "held_out.gaps.dynamics_gap"]);
+    assert!(!said.contains("vibes-train evaluate"), "{said}");
+    assert!(std::fs::read_to_string(run.join("figures/curves.svg")).expect("curves").contains("held-out dynamics gap"));
+    let table = json(&run.join("figures/curves.json"))["table"].clone();
+    assert_eq!(table[0]["values"][0]["mean"].as_f64(), Some(0.5), "{table}");
 }
 
 #[test]
@@ -335,6 +431,11 @@ fn a_recording_that_is_gone_or_another_is_not_passed_over_silently() {
     good(fixture.path(), &["nn", "-k", "2", "--no-frames"]);
     assert!(bad(fixture.path(), &["nn", "--recording", "nowhere"], 1).contains("no recording here"));
     assert!(bad(fixture.path(), &["probe", "--no-frames"], 2).contains("needs the recording"));
+    let mut l = Latents::read(&fixture.latents()).expect("latents");
+    l.reward[3] = l.reward[3].map(|reward| 1.0 - reward);
+    l.write(&fixture.path().join("other.arrow")).expect("latents");
+    let error = bad(fixture.path(), &["nn", "--recording", "moved/discs", "--latents", "other.arrow"], 1);
+    assert!(error.contains("step 3 of episode 0 earned"), "two recordings of one size: {error}");
     let other = Fixture::grid(2, 2, 3);
     let error = bad(fixture.path(), &["nn", "--recording", text(&other.path().join("recordings/discs"))], 1);
     assert!(error.contains("not encoded from this recording"), "{error}");
@@ -390,6 +491,24 @@ fn results_can_be_had_as_json_and_options_from_a_file() {
     let document: Value = serde_json::from_str(&said).expect("JSON on standard output");
     assert_eq!((&document["k"], &document["about"]["seed"]), (&Value::from(2), &Value::from(5)));
     assert_eq!(document["queries"].as_array().expect("queries").len(), 4);
+}
+
+#[test]
+fn a_scene_is_right_to_reruns_own_tool() {
+    let version =
+        Command::new("rerun").arg("--version").output().map(|o| String::from_utf8_lossy(&o.stdout).into_owned());
+    let Some(version) = version.ok().filter(|version| version.contains("0.36.")) else {
+        println!("skipped: no Rerun 0.36 on this machine, the scene was not opened");
+        return;
+    };
+    let out = folder();
+    good(GRID.path(), &["scene", "--episodes", "3,7", "-o", text(out.path())]);
+    let scene = out.path().join("scene.rrd");
+    for words in [["rrd", "verify"], ["rrd", "stats"]] {
+        let output = Command::new("rerun").args(words).arg(&scene).output().expect("Rerun starts");
+        let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+        assert!(output.status.success() && !said.contains("WARN") && !said.contains("ERROR"), "{version}: {said}");
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::invariance::{ends, grid, text};
+use super::invariance::{Named, ends, grid, text, write_intervals};
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Bar, BarGroup, Bars, Figure};
@@ -39,6 +39,22 @@ struct Row {
     json: Value,
 }
 
+impl Row {
+    fn named(&self, agreement: f64) -> Vec<Named> {
+        let alone = Interval { estimate: agreement, low: f64::NAN, high: f64::NAN };
+        let measured = [
+            ("variance share of state", self.state.map(|i| (i, f64::NAN))),
+            ("variance share of distractor", self.distractor.map(|i| (i, f64::NAN))),
+            ("retrieval@1", self.found),
+            ("neighbours in common with the first", Some((alone, f64::NAN))),
+        ];
+        let named = |(name, found): (&str, Option<(Interval, f64)>)| {
+            found.map(|(interval, chance)| (self.name.clone(), name.to_string(), interval, chance))
+        };
+        measured.into_iter().filter_map(named).collect()
+    }
+}
+
 /// Rows whose neighbours are compared.
 const QUERIES: usize = 500;
 /// Neighbours compared.
@@ -62,6 +78,8 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         .map(|(r, a)| json!({ "name": r.name, "numbers": r.json, "neighbours_shared_with_first": a }))
         .collect();
     session.write_json("compare", &json!({ "tables": tables }))?;
+    let numbers: Vec<Named> = rows.iter().zip(&agreement).flat_map(|(row, &agreement)| row.named(agreement)).collect();
+    write_intervals(&mut session, "compare", "table", &numbers)?;
     let parts: Vec<String> = rows
         .iter()
         .map(|r| format!("{} {}", r.name, r.state.as_ref().map_or_else(|| "no grid".into(), text)))
@@ -105,7 +123,7 @@ fn measure(session: &Session, name: &str) -> anyhow::Result<Row> {
     let (mut state, mut distractor, mut found, mut json) = (None, None, None, Value::Null);
     // Latents that are not of a grid still have neighbours to compare.
     if let Ok(grid) = grid(session.table()?) {
-        let split = variance(&grid, &mut rng)?;
+        let split = variance(&grid)?;
         let at_1 = retrieval(&grid, RetrievalOptions::default(), &mut rng)?;
         json = json!({ "variance": split, "retrieval": at_1 });
         (state, distractor, found) = (Some(split.state), Some(split.distractor), Some((at_1.found, at_1.chance)));

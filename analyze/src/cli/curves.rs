@@ -17,7 +17,7 @@ use crate::output::{self, Column, write_table};
 const PLACES: usize = 200;
 
 /// Metrics shown unless others are asked for, if the runs have them: name, title, whether higher is better.
-const KNOWN: [(&str, &str, bool); 9] = [
+const KNOWN: [(&str, &str, bool); 13] = [
     ("episode_return", "episode return", true),
     ("objective", "objective (nats a row)", true),
     ("dynamics_log_likelihood", "dynamics log-likelihood (nats)", true),
@@ -27,9 +27,19 @@ const KNOWN: [(&str, &str, bool); 9] = [
     ("clipped_share", "share of clipped terms", false),
     ("effective_rank", "effective rank of the latents", true),
     ("frames_per_second", "frames a second", true),
+    (DYNAMICS_GAP, "held-out dynamics gap (nats)", false),
+    ("held_out.gaps.reward_gap", "held-out reward gap (nats)", false),
+    ("held_out.retrieval_at_1", "held-out same-state retrieval@1", true),
+    ("held_out.shares.state", "held-out variance share of state", true),
 ];
 
+/// How far the latents are from a bisimulation.
+const DYNAMICS_GAP: &str = "held_out.gaps.dynamics_gap";
+
 /// Learning curves over run folders, with 95% intervals over the runs of a group, and a table of where they ended.
+///
+/// Beside the metrics of training stand those of a held-out grid: retrieval and variance shares (`vibes-train offline --eval GRID`), and the gaps to a
+/// bisimulation in nats (`vibes-train evaluate RUN GRID`; with `-o RUN/evaluation-LATER.json` at several times they become a curve).
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     /// Run folders (each with a metrics.jsonl).
@@ -38,6 +48,9 @@ pub(super) struct Options {
     /// Metrics to show, in place of the known ones.
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     metrics: Vec<String>,
+    /// The metric of the table of groups × tasks [default: the return; without returns, a table of metrics × groups].
+    #[arg(long, value_name = "NAME")]
+    table: Option<String>,
     /// What makes a group: runs of one `objective` are averaged, or each `run` stands alone; `auto` averages when several runs share an objective.
     #[arg(long, value_enum, default_value_t = By::Auto)]
     by: By,
@@ -79,7 +92,15 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let heading = |title: &str| Heading::new(title).with_note(options.note.clone());
     let title = if names.len() < runs.len() { "Training, mean and 95% interval over runs" } else { "Training" };
     let mut files = Figure::Curves(figure(heading(title), &runs, &names, &curves)).save(&out, "curves")?;
-    let table = table(heading("Where training ended"), &runs, &groups, &metrics);
+    let tabled = match &options.table {
+        Some(name) => Some(Metric::named(known(name, &runs)?)),
+        None => metrics.iter().find(|m| m.name.contains("return")).map(|m| Metric::named(&m.name)),
+    };
+    let heading = heading("Where training ended");
+    let table = match &tabled {
+        Some(metric) => by_task(heading, &runs, &groups, metric),
+        None => by_metric(heading, &runs, &groups, &metrics),
+    };
     files.extend(Figure::Table(table.clone()).save(&out, "table")?);
     files.push(write_curves(&out, &curves)?);
     let document = output::document(
@@ -90,11 +111,15 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     output::write_json(&path, &document)?;
     files.push(path);
     let broken: usize = runs.iter().map(|r| r.broken_lines).sum();
-    let remarks = if broken > 0 {
-        vec![format!("{broken} lines of metrics could not be read and were left out")]
-    } else {
-        Vec::new()
-    };
+    let mut remarks = Vec::new();
+    if broken > 0 {
+        remarks.push(format!("{broken} lines of metrics could not be read and were left out"));
+    }
+    if runs.iter().all(|r| !r.series.contains_key(DYNAMICS_GAP)) {
+        remarks.push(
+            "no held-out gaps to a bisimulation in these runs; `vibes-train evaluate RUN GRID` measures them".into(),
+        );
+    }
     let line = format!("curves: {} metrics of {} runs{}", curves.len(), runs.len(), progress(&runs));
     Ok(Outcome { line, remarks, files, json: document })
 }
@@ -122,13 +147,20 @@ impl Metric {
     }
 }
 
+/// The metric's name, if a run has it.
+fn known<'n>(name: &'n str, runs: &[Run]) -> anyhow::Result<&'n str> {
+    let there: BTreeSet<&str> = runs.iter().flat_map(|r| r.series.keys()).map(String::as_str).collect();
+    if there.contains(name) {
+        return Ok(name);
+    }
+    let list: Vec<&str> = there.into_iter().collect();
+    Err(wrong(format!("no run has the metric {name}, choose among {}", list.join(", "))))
+}
+
 /// The metrics to show: those asked for, else the known ones that the runs have, else whatever they have.
 fn metrics(options: &Options, runs: &[Run]) -> anyhow::Result<Vec<Metric>> {
     let there: BTreeSet<&str> = runs.iter().flat_map(|r| r.series.keys()).map(String::as_str).collect();
-    if let Some(missing) = options.metrics.iter().find(|m| !there.contains(m.as_str())) {
-        let list: Vec<&str> = there.into_iter().collect();
-        return Err(wrong(format!("no run has the metric {missing}, choose among {}", list.join(", "))));
-    }
+    options.metrics.iter().try_for_each(|name| known(name, runs).map(|_| ()))?;
     let mut chosen: Vec<&str> = options.metrics.iter().map(String::as_str).collect();
     if chosen.is_empty() {
         chosen = KNOWN.iter().map(|k| k.0).filter(|k| there.contains(k)).collect();
@@ -208,62 +240,91 @@ fn final_value(series: &Series) -> f64 {
     series[series.len() - count..].iter().map(|p| p.1).sum::<f64>() / count as f64
 }
 
-/// Where training ended. With returns: groups x tasks, the form of the paper's Table 1. Without: metrics x groups.
-fn table(heading: Heading, runs: &[Run], groups: &[String], metrics: &[Metric]) -> Table {
-    let returns = metrics.iter().find(|m| m.name.contains("return"));
-    let scores = |metric: &Metric,
-                  method: &dyn Fn(usize) -> String,
-                  task: &dyn Fn(usize) -> String,
-                  sign: f64|
-     -> Vec<RunScore> {
-        let score = |i: usize| {
-            let series = runs[i].series.get(&metric.name).filter(|s| !s.is_empty())?;
-            Some(RunScore { method: method(i), task: task(i), score: sign * final_value(series) })
-        };
-        (0..runs.len()).filter_map(score).collect()
+/// The final values of a metric, one a run that has it. The highest is best: of a metric that should be low, the negative.
+fn scores(
+    runs: &[Run],
+    metric: &Metric,
+    method: impl Fn(usize) -> String,
+    task: impl Fn(usize) -> String,
+) -> Vec<RunScore> {
+    let score = |i: usize| {
+        let series = runs[i].series.get(&metric.name).filter(|s| !s.is_empty())?;
+        Some(RunScore { method: method(i), task: task(i), score: metric.sign() * final_value(series) })
     };
-    let entry = |e: &crate::curves::Entry, sign: f64, compared: bool| Entry {
-        mean: sign * e.score.estimate,
-        half: Some(e.score.high - e.score.estimate).filter(|h| h.is_finite()),
-        best: compared && e.mark == Mark::Best,
-        tied: compared && e.mark == Mark::Tied,
-    };
-    if let Some(metric) = returns {
-        let of = |i: usize| runs[i].task().unwrap_or("all runs").to_string();
-        let made = score_table(&scores(metric, &|i| groups[i].clone(), &of, 1.0));
-        let compared = made.methods.len() > 1;
-        let rows = made
-            .methods
-            .iter()
-            .zip(&made.entries)
-            .map(|(m, row)| (m.clone(), row.iter().map(|e| e.as_ref().map(|e| entry(e, 1.0, compared))).collect()));
-        return Table { heading, corner: metric.title.clone(), columns: made.tasks.clone(), rows: rows.collect(), foot: "mean of the last tenth; bold: best of its column, underlined: its 95% interval overlaps with the best's".into() };
+    (0..runs.len()).filter_map(score).collect()
+}
+
+impl Metric {
+    fn sign(&self) -> f64 {
+        if self.higher_is_better { 1.0 } else { -1.0 }
     }
-    let mut columns: Vec<String> = Vec::new();
-    groups.iter().for_each(|g| {
-        if !columns.contains(g) {
-            columns.push(g.clone());
+
+    /// An entry as it is drawn; marks only where there is something to compare.
+    fn entry(&self, e: &crate::curves::Entry, compared: bool) -> Entry {
+        Entry {
+            mean: self.sign() * e.score.estimate,
+            half: Some(e.score.high - e.score.estimate).filter(|h| h.is_finite()),
+            best: compared && e.mark == Mark::Best,
+            tied: compared && e.mark == Mark::Tied,
         }
+    }
+}
+
+/// What stands under a table.
+fn foot(compared: bool, line: &str) -> String {
+    let marks = if compared {
+        format!("; bold: best of its {line}, underlined: its 95% interval overlaps with the best's")
+    } else {
+        String::new()
+    };
+    format!("mean of the last tenth{marks}")
+}
+
+/// Where training ended: groups x tasks, the form of the paper's Table 1, with the mean over tasks where there are several.
+fn by_task(heading: Heading, runs: &[Run], groups: &[String], metric: &Metric) -> Table {
+    let task = |i: usize| runs[i].task().unwrap_or("all runs").to_string();
+    let made = score_table(&scores(runs, metric, |i| groups[i].clone(), task));
+    let compared = made.methods.len() > 1;
+    let mut columns = made.tasks.clone();
+    let row = |entries: &Vec<Option<crate::curves::Entry>>| -> Vec<Option<Entry>> {
+        entries.iter().map(|e| e.as_ref().map(|e| metric.entry(e, compared))).collect()
+    };
+    let mut rows: Vec<(String, Vec<Option<Entry>>)> =
+        made.methods.iter().cloned().zip(made.entries.iter().map(row)).collect();
+    if made.tasks.len() > 1 {
+        columns.push("average".into());
+        let best = made.averages.iter().flatten().copied().fold(f64::NEG_INFINITY, f64::max);
+        for ((_, row), average) in rows.iter_mut().zip(&made.averages) {
+            row.push(average.map(|mean| Entry {
+                mean: metric.sign() * mean,
+                half: None,
+                best: compared && mean >= best,
+                tied: false,
+            }));
+        }
+    }
+    Table { heading, corner: metric.title.clone(), columns, rows, foot: foot(compared, "column") }
+}
+
+/// Where training ended: metrics x groups.
+fn by_metric(heading: Heading, runs: &[Run], groups: &[String], metrics: &[Metric]) -> Table {
+    let columns = groups.iter().fold(Vec::new(), |mut seen: Vec<String>, group| {
+        if !seen.contains(group) {
+            seen.push(group.clone());
+        }
+        seen
     });
     let row = |metric: &Metric| {
-        let sign = if metric.higher_is_better { 1.0 } else { -1.0 };
-        let made = score_table(&scores(metric, &|i| groups[i].clone(), &|_| metric.name.clone(), sign));
-        let of = |g: &String| {
-            made.methods
-                .iter()
-                .position(|m| m == g)
-                .and_then(|at| made.entries[at][0].as_ref())
-                .map(|e| entry(e, sign, made.methods.len() > 1))
+        let made = score_table(&scores(runs, metric, |i| groups[i].clone(), |_| metric.name.clone()));
+        let of = |group: &String| {
+            let at = made.methods.iter().position(|method| method == group)?;
+            made.entries[at][0].as_ref().map(|e| metric.entry(e, made.methods.len() > 1))
         };
         (metric.title.clone(), columns.iter().map(of).collect())
     };
     let rows = metrics.iter().map(row).collect();
-    let foot = if columns.len() > 1 {
-        "mean of the last tenth; bold: best of its row, underlined: its 95% interval overlaps with the best's"
-    } else {
-        "mean of the last tenth"
-    };
-    Table { heading, corner: "metric".into(), columns: columns.clone(), rows, foot: foot.into() }
+    let foot = foot(columns.len() > 1, "row");
+    Table { heading, corner: "metric".into(), columns, rows, foot }
 }
 
 fn numbers(table: &Table) -> serde_json::Value {
@@ -272,7 +333,7 @@ fn numbers(table: &Table) -> serde_json::Value {
     table
         .rows
         .iter()
-        .map(|(metric, entries)| json!({ "metric": metric, "values": entries.iter().map(entry).collect::<Vec<_>>() }))
+        .map(|(name, entries)| json!({ "row": name, "columns": table.columns, "values": entries.iter().map(entry).collect::<Vec<_>>() }))
         .collect()
 }
 

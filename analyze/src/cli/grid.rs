@@ -73,8 +73,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let keys: Vec<_> =
         panels.iter().map(|p| json!({ "state": p.state, "distractor": p.distractor, "rows": p.rows.len() })).collect();
     let heading = session.heading("One trajectory a panel, over all latents");
-    let figure =
-        Panels { heading, points: made.points(), states: states.clone(), distractors: distractors.clone(), panels };
+    // Points of an old map that this one was placed on belong to the grey ones.
+    let points = [made.points(), made.backdrop()].concat();
+    let figure = Panels { heading, points, states: states.clone(), distractors: distractors.clone(), panels };
     session.save(&Figure::Panels(figure), "grid")?;
     session.write_json("grid", &json!({ "states": states, "distractors": distractors, "cells": keys, "holes": holes, "quality": made.quality }))?;
     Ok(session.finish(line))

@@ -9,6 +9,7 @@ use crate::actions::action_features;
 use crate::figures::{Bar, BarGroup, Bars, Figure};
 use crate::intervals::Interval;
 use crate::invariance::{Grid, Retrieval, RetrievalOptions, VarianceSplit, retrieval, variance};
+use crate::output::Column;
 
 /// How much of the latents' variance the state explains, how much the distractor, and how often the same state is found again under another
 /// distractor. Needs latents of a grid.
@@ -36,6 +37,39 @@ struct Measured {
     retrievals: Vec<Retrieval>,
 }
 
+/// A number with its interval and what needs no latent, by what it is of and what it is called.
+pub(super) type Named = (String, String, Interval, f64);
+
+impl Measured {
+    fn rows(&self, source: &str) -> Vec<Named> {
+        let row =
+            |name: &str, interval: Interval, chance: f64| (source.to_string(), name.to_string(), interval, chance);
+        let split = &self.split;
+        let mut rows = vec![
+            row("variance share of state", split.state, split.state_of_noise),
+            row("variance share of distractor", split.distractor, f64::NAN),
+            row("variance share of interaction", split.interaction, f64::NAN),
+            row("variance within a state", split.within_state, f64::NAN),
+        ];
+        rows.extend(self.retrievals.iter().map(|r| row(&format!("retrieval@{}", r.k), r.found, r.chance)));
+        rows
+    }
+}
+
+/// Writes numbers with their intervals as `STEM.arrow`; NaN where there is no interval or no chance level.
+pub(super) fn write_intervals(session: &mut Session, stem: &str, of: &str, rows: &[Named]) -> anyhow::Result<()> {
+    let numbers = |number: fn(&Named) -> f64| Column::Float64(rows.iter().map(number).collect());
+    let columns = [
+        (of, Column::Text(rows.iter().map(|row| row.0.clone()).collect())),
+        ("measure", Column::Text(rows.iter().map(|row| row.1.clone()).collect())),
+        ("estimate", numbers(|row| row.2.estimate)),
+        ("low", numbers(|row| row.2.low)),
+        ("high", numbers(|row| row.2.high)),
+        ("chance", numbers(|row| row.3)),
+    ];
+    session.write_arrow(stem, &columns)
+}
+
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
     let mut session = Session::open(
         &options.input,
@@ -47,21 +81,27 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         let grid = grid(session.table()?)?;
         (
             measure(&grid, options, &session)?,
-            grid.dropped().to_vec(),
+            grid.dropped().clone(),
             (grid.states().len(), grid.distractors().len(), grid.steps().len()),
         )
     };
-    if !dropped.is_empty() {
-        session.remark(format!("the grid has holes: state trajectories {dropped:?} lack a cell and were left out"));
+    for (kind, dropped) in [("state", &dropped.states), ("distractor", &dropped.distractors)] {
+        if !dropped.is_empty() {
+            session
+                .remark(format!("the grid has holes: {kind} trajectories {dropped:?} lack a cell and were left out"));
+        }
     }
     let control = control(options, &mut session)?;
     let bars = draw(&session, &measured, control.as_ref());
     session.save(&Figure::Bars(bars), "invariance")?;
     let numbers = |m: &Measured| json!({ "variance": m.split, "retrieval": m.retrievals });
     let mut document = numbers(&measured);
-    document["grid"] = json!({ "states": size.0, "distractors": size.1, "steps": size.2, "dropped_states": dropped });
+    document["grid"] = json!({ "states": size.0, "distractors": size.1, "steps": size.2, "dropped": dropped });
     document["action_only"] = control.as_ref().map_or(Value::Null, numbers);
     session.write_json("invariance", &document)?;
+    let mut rows = measured.rows("latent");
+    rows.extend(control.iter().flat_map(|control| control.rows("past_actions")));
+    write_intervals(&mut session, "invariance", "source", &rows)?;
     let first = measured.retrievals.first().map_or_else(String::new, |r| {
         format!("; same state found under another distractor: {} (chance {:.3})", text(&r.found), r.chance)
     });
@@ -75,10 +115,10 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     Ok(session.finish(line))
 }
 
-/// The whole grid, or what is left when states with missing cells go.
+/// The whole grid, or a complete part of one with holes.
 pub(super) fn grid(table: Table<'_>) -> Result<Grid<'_>, crate::Error> {
     match Grid::new(table) {
-        Err(crate::Error::GridHoles { .. }) => Grid::of_complete_states(table),
+        Err(crate::Error::GridHoles { .. }) => Grid::of_complete_part(table),
         grid => grid,
     }
 }
@@ -99,7 +139,7 @@ pub(super) fn ends(i: &Interval) -> Option<(f64, f64)> {
 
 fn measure(grid: &Grid<'_>, options: &Options, session: &Session) -> anyhow::Result<Measured> {
     let mut rng = session.rng();
-    let split = variance(grid, &mut rng)?;
+    let split = variance(grid)?;
     let ask = |k: usize| RetrievalOptions {
         k,
         tolerance: options.tolerance,

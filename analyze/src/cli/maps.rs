@@ -1,17 +1,23 @@
 //! The map that several verbs draw on: computed once, kept as `map.arrow`, and read back while latents and options stay the same.
 
+mod layout;
+mod onto;
+
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use rayon::prelude::*;
 use serde_json::{Value, json};
+use vibes_data::Latents;
 
 use super::session::Session;
-use super::{Globals, say};
+use super::{Globals, say, wrong};
 use crate::neighbours::{Metric, Space};
 use crate::output::MapTable;
-use crate::pca::pca;
 use crate::quality::{QualityOptions, quality};
-use crate::tsne::{TsneOptions, tsne};
-use crate::umap::{UmapOptions, umap};
+use crate::tsne::TsneOptions;
+use crate::umap::UmapOptions;
+use onto::OldMap;
 
 /// How the map is made.
 #[derive(Clone, Debug, clap::Args)]
@@ -37,7 +43,20 @@ pub(super) struct MapOptions {
     /// UMAP: rounds of the layout [default: 500, above 10,000 rows 200].
     #[arg(long)]
     pub(super) epochs: Option<usize>,
+    /// UMAP and t-SNE: rows to lay out; of a larger table this many are drawn, and the others are placed among them.
+    #[arg(long, value_name = "ROWS", default_value_t = FIT_ROWS)]
+    pub(super) fit_rows: usize,
+    /// Place these latents on an old map (a map.arrow made by UMAP) instead of making a new one.
+    #[arg(long, value_name = "MAP",
+        conflicts_with_all = ["method", "metric", "neighbours", "min_dist", "spread", "perplexity", "epochs", "fit_rows"])]
+    pub(super) onto: Option<PathBuf>,
+    /// The latents that the old map is of [default: those that it names].
+    #[arg(long, value_name = "LATENTS", requires = "onto")]
+    pub(super) onto_latents: Option<PathBuf>,
 }
+
+/// Rows laid out by default: the exact neighbour graph of more takes minutes.
+const FIT_ROWS: usize = 100_000;
 
 /// A way to make a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -62,23 +81,41 @@ impl Method {
 #[derive(Debug)]
 pub(super) struct MadeMap {
     pub(super) positions: Vec<[f32; 2]>,
+    /// The points of the old map that these were placed on; empty for a new map.
+    pub(super) backdrop: Vec<[f32; 2]>,
     /// `trustworthiness`, `kept` and over how many neighbours and rows; null for fewer rows than it takes.
     pub(super) quality: Value,
+    /// What the line of result says of how it was made: "", or ", neighbour graph used again".
+    pub(super) how: String,
 }
 
 impl MadeMap {
     /// The positions in double precision, for figures.
     pub(super) fn points(&self) -> Vec<[f64; 2]> {
-        self.positions.iter().map(|p| [f64::from(p[0]), f64::from(p[1])]).collect()
+        doubled(&self.positions)
     }
 
-    /// `trustworthiness 0.98, neighbours kept 0.61`, or nothing.
+    /// The old map's points in double precision, for figures.
+    pub(super) fn backdrop(&self) -> Vec<[f64; 2]> {
+        doubled(&self.backdrop)
+    }
+
+    /// `trustworthiness 0.980, neighbours kept 0.610`, over how many rows where not over all, or that there are too few.
     pub(super) fn quality_text(&self) -> String {
-        match (self.quality["trustworthiness"].as_f64(), self.quality["kept"].as_f64()) {
-            (Some(t), Some(kept)) => format!("trustworthiness {t:.3}, neighbours kept {kept:.3}"),
+        let number = |name: &str| self.quality[name].as_f64();
+        let over = match self.quality["rows"].as_u64() {
+            Some(rows) if (rows as usize) < self.positions.len() => format!(" (over {rows} rows drawn)"),
+            _ => String::new(),
+        };
+        match (number("trustworthiness"), number("kept")) {
+            (Some(t), Some(kept)) => format!("trustworthiness {t:.3}, neighbours kept {kept:.3}{over}"),
             _ => "too few rows for a quality".into(),
         }
     }
+}
+
+fn doubled(positions: &[[f32; 2]]) -> Vec<[f64; 2]> {
+    positions.iter().map(|p| [f64::from(p[0]), f64::from(p[1])]).collect()
 }
 
 impl Default for MapOptions {
@@ -92,6 +129,9 @@ impl Default for MapOptions {
             spread: umap.spread,
             epochs: umap.epochs,
             perplexity: TsneOptions::default().perplexity,
+            fit_rows: FIT_ROWS,
+            onto: None,
+            onto_latents: None,
         }
     }
 }
@@ -102,7 +142,7 @@ impl MapOptions {
         json!({
             "method": format!("{:?}", self.method).to_lowercase(), "metric": self.metric.name(), "neighbours": self.neighbours,
             "min_dist": self.min_dist, "spread": self.spread, "epochs": self.epochs,
-            "perplexity": self.perplexity,
+            "perplexity": self.perplexity, "fit_rows": self.fit_rows, "onto": self.onto,
         })
     }
 
@@ -110,61 +150,97 @@ impl MapOptions {
     /// else a new one, which is written there.
     pub(super) fn map(&self, session: &mut Session, globals: &Globals) -> anyhow::Result<MadeMap> {
         let path = session.out.join("map.arrow");
-        let recipe = json!({ "options": self.json(), "seed": session.seed, "latents": checksum(session) }).to_string();
-        if let Some(known) = MapTable::read(&path)
-            .filter(|m| m.recipe == recipe && m.episode == session.latents.episode && m.step == session.latents.step)
-        {
-            say(globals, format_args!("map: {} is still right and used again", path.display()));
-            session.outcome.files.push(path);
-            return Ok(MadeMap {
-                positions: known.positions,
-                quality: serde_json::from_str(&known.quality).unwrap_or(Value::Null),
-            });
+        let old = self.onto.as_deref().map(|map| OldMap::open(map, self.onto_latents.as_deref())).transpose()?;
+        if old.as_ref().is_some_and(|old| same_file(&old.path, &path)) {
+            return Err(wrong(format!(
+                "the new map would take the place of the old one; name another folder with -o: {}",
+                path.display()
+            )));
         }
-        let made = self.make(session)?;
-        let l = &session.latents;
-        let table = MapTable {
-            episode: l.episode.clone(),
-            step: l.step.clone(),
-            positions: made.positions.clone(),
-            recipe,
-            quality: made.quality.to_string(),
+        let recipe = json!({
+            "options": self.json(), "seed": session.seed, "latents": checksum(&session.latents), "onto": old.as_ref().map(OldMap::checksum),
+        })
+        .to_string();
+        let made = match self.known(&path, &recipe, session, globals) {
+            Some(made) => made,
+            None => self.make(old.as_ref(), &path, recipe, session, globals)?,
         };
-        table.write(&path)?;
+        let rows = session.latents.len();
+        if old.is_none() && self.method != Method::Pca && rows > self.fit_rows {
+            let laid_out = self.fit_rows;
+            session.remark(format!(
+                "{laid_out} rows drawn from the {rows} were laid out, the others placed among them (--fit-rows {rows} lays out all)"
+            ));
+        }
         session.outcome.files.push(path);
-        Ok(made)
+        Ok(MadeMap { backdrop: old.map_or_else(Vec::new, |old| old.map.positions), ..made })
     }
 
-    fn make(&self, session: &Session) -> anyhow::Result<MadeMap> {
+    /// The map that is there, if it is still right.
+    fn known(&self, path: &Path, recipe: &str, session: &Session, globals: &Globals) -> Option<MadeMap> {
+        let l = &session.latents;
+        let known =
+            MapTable::read(path).filter(|m| m.recipe == recipe && m.episode == l.episode && m.step == l.step)?;
+        say(globals, format_args!("map: {} is still right and used again", path.display()));
+        Some(MadeMap {
+            positions: known.positions,
+            backdrop: Vec::new(),
+            quality: serde_json::from_str(&known.quality).unwrap_or(Value::Null),
+            how: ", used again".into(),
+        })
+    }
+
+    fn make(
+        &self,
+        old: Option<&OldMap>,
+        path: &Path,
+        recipe: String,
+        session: &mut Session,
+        globals: &Globals,
+    ) -> anyhow::Result<MadeMap> {
         let mut rng = session.rng();
-        let space = Space::new(session.table()?, self.metric)?;
-        let umap_options = UmapOptions {
-            neighbours: self.neighbours,
-            min_dist: self.min_dist,
-            spread: self.spread,
-            epochs: self.epochs,
-            ..UmapOptions::default()
-        };
-        let positions = match self.method {
-            Method::Umap => umap(&space, umap_options, &mut rng)?,
-            Method::Tsne => {
-                tsne(&space, TsneOptions { perplexity: self.perplexity, ..TsneOptions::default() }, &mut rng)?
+        let (positions, how, metric) = match old {
+            Some(old) => {
+                (old.place(&session.latents, &mut rng)?, format!(", placed on {}", old.path.display()), old.metric)
             }
-            Method::Pca => pca(space.table())?.positions,
+            None => {
+                let laid_out = self.lay_out(session, globals, &mut rng)?;
+                let how = if laid_out.graph_reused { ", neighbour graph used again" } else { "" };
+                (laid_out.positions, how.to_string(), self.metric)
+            }
         };
+        let space = Space::new(session.table()?, metric)?;
         let quality = quality(&space, &positions, QualityOptions::default(), &mut rng).ok();
         let quality = quality.map_or(
             Value::Null,
             |q| json!({ "trustworthiness": q.trustworthiness, "kept": q.kept, "k": q.k, "rows": q.rows }),
         );
-        Ok(MadeMap { positions, quality })
+        let l = &session.latents;
+        let table = MapTable {
+            episode: l.episode.clone(),
+            step: l.step.clone(),
+            positions,
+            recipe,
+            quality: quality.to_string(),
+            latents: session.path.display().to_string(),
+        };
+        table.write(path)?;
+        Ok(MadeMap { positions: table.positions, backdrop: Vec::new(), quality, how })
     }
 }
 
-/// A checksum of the latents and their keys.
-fn checksum(session: &Session) -> String {
-    let l = &session.latents;
-    let values: Vec<u8> = l.latent.iter().flat_map(|v| v.to_le_bytes()).collect();
-    let keys: Vec<u8> = l.episode.iter().chain(&l.step).flat_map(|v| v.to_le_bytes()).collect();
-    format!("{}{}", vibes_data::sha256_hex(&values), &vibes_data::sha256_hex(&keys)[..16])
+fn same_file(a: &Path, b: &Path) -> bool {
+    a == b || a.canonicalize().ok().zip(b.canonicalize().ok()).is_some_and(|(a, b)| a == b)
+}
+
+/// A checksum of the latents and their keys, block by block.
+fn checksum(l: &Latents) -> String {
+    const BLOCK: usize = 1 << 20;
+    let of_keys =
+        |keys: &[u32]| vibes_data::sha256_hex(&keys.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>());
+    let of_block =
+        |block: &[f32]| vibes_data::sha256_hex(&block.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>());
+    let mut parts: Vec<String> = l.latent.par_chunks(BLOCK).map(of_block).collect();
+    parts.extend([l.dims.to_string(), of_keys(&l.episode), of_keys(&l.step)]);
+    vibes_data::sha256_hex(parts.concat().as_bytes())
 }

@@ -13,7 +13,7 @@ use super::{Globals, Outcome, wrong};
 use crate::figures::{Figure, NeighbourSheet, SheetColumn, Thumb};
 use crate::input::Frames;
 use crate::neighbours::{Exclude, Metric, Neighbours, Space, nearest};
-use crate::output::{Column, write_table};
+use crate::output::Column;
 use crate::state_error::{StateError, state_error};
 
 /// Nearest neighbours in the latent space: a sheet of pictures, and neighbours.json.
@@ -217,10 +217,7 @@ fn write_numbers(
         "neighbours",
         &json!({ "metric": options.metric.name(), "k": options.k, "queries": list, "state_error": error }),
     )?;
-    let path = session.out.join("neighbours.arrow");
-    write_table(&path, &table, &[("vibes.latents", session.path.display().to_string())])?;
-    session.outcome.files.push(path);
-    Ok(())
+    session.write_arrow("neighbours", &table)
 }
 
 /// Draws the sheet, if there are pictures, and words the result.

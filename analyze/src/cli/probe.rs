@@ -11,7 +11,7 @@ use crate::actions::action_features;
 use crate::figures::{Figure, ProbeChart, ProbeMark, ProbeRow};
 use crate::input::Frames;
 use crate::intervals::Interval;
-use crate::output::{Column, write_table};
+use crate::output::Column;
 use crate::probes::{HoldOut, Probe, ProbeOptions, ProbeScore, Quantity, Values, probe};
 
 /// Ridge and kNN probes on held-out trajectories: from the latent to each task quantity (high is good) and to each distractor parameter
@@ -30,12 +30,22 @@ const FLAT: f64 = 1e-9;
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
     let mut session = Session::open(&options.input, globals, "probe", json!({}))?;
     let frames = session.needed_frames("probe")?;
-    let latents = with_reward(&session.latents);
+    let (latents, outside) = usable(&session.latents);
+    if outside > 0 {
+        session.remark(format!("{outside} rows lie outside the grid that the others are on and were left out"));
+    }
     let (kept, flat): (Vec<_>, Vec<_>) =
         quantities(&latents, &frames).into_iter().partition(|(_, q)| varies(&q.values));
     if !flat.is_empty() {
         let names: Vec<&str> = flat.iter().map(|(_, q)| q.name.as_str()).collect();
         session.remark(format!("{} do not vary in this recording and were left out", names.join(", ")));
+    }
+    if kept.is_empty() {
+        anyhow::bail!(
+            "there is nothing to read off these {} latents: nothing in their recording varies: {}",
+            latents.len(),
+            session.path.display()
+        );
     }
     let (sections, quantities): (Vec<&str>, Vec<Quantity>) = kept.into_iter().unzip();
     let of_latent = scores(&session, &latents, latents.dims, &latents.latent, &sections, &quantities)?;
@@ -43,9 +53,12 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let of_actions = scores(&session, &latents, dims, &values, &sections, &quantities)?;
     session.save(&Figure::ProbeChart(draw(&session, &sections, &quantities, &of_latent, &of_actions)), "probes")?;
     write(&mut session, &sections, &quantities, &of_latent, &of_actions)?;
-    let mean = |section: &str| mean_score(section, &sections, &quantities, &of_latent);
+    let mean = |section: &str| {
+        let mean = mean_score(section, &sections, &quantities, &of_latent);
+        mean.map_or_else(|| "nothing (none varies)".into(), |mean| format!("a mean of {mean:.3}"))
+    };
     let line = format!(
-        "probe: linear probes read the task with a mean of {:.3}, the distractors with {:.3} (R², accuracy over chance)",
+        "probe: linear probes read of the task {}, of the distractors {} (R², accuracy over chance)",
         mean(TASK),
         mean(DISTRACTORS)
     );
@@ -75,13 +88,21 @@ fn scores(
     Ok(all)
 }
 
-/// The rows that have a reward, so that every quantity has a value in every row; all rows if none has.
-fn with_reward(l: &Latents) -> Latents {
-    let keep: Vec<usize> = (0..l.len()).filter(|&row| l.reward[row].is_some_and(f32::is_finite)).collect();
+/// The rows that have a reward, so that every quantity has a value in every row (all rows if none has), and a cell if any has one, so that no
+/// cell of a held-out state is left among the others. Also returns how many rows that have none are left out.
+fn usable(l: &Latents) -> (Latents, usize) {
+    let rewarded = |row: &usize| l.reward[*row].is_some_and(f32::is_finite);
+    let on_grid = |row: &usize| l.state[*row].is_some() && l.distractor[*row].is_some();
+    let mut keep: Vec<usize> = (0..l.len()).filter(rewarded).collect();
     if keep.is_empty() {
-        return l.clone();
+        keep = (0..l.len()).collect();
     }
-    Latents {
+    let all = keep.len();
+    if keep.iter().any(on_grid) {
+        keep.retain(on_grid);
+    }
+    let outside = all - keep.len();
+    let kept = Latents {
         episode: keep.iter().map(|&r| l.episode[r]).collect(),
         step: keep.iter().map(|&r| l.step[r]).collect(),
         state: keep.iter().map(|&r| l.state[r]).collect(),
@@ -90,7 +111,8 @@ fn with_reward(l: &Latents) -> Latents {
         dims: l.dims,
         latent: keep.iter().flat_map(|&r| l.row(r).iter().copied()).collect(),
         source: l.source.clone(),
-    }
+    };
+    (kept, outside)
 }
 
 /// All quantities with their sections: the task's observation and reward, then camera, background and colours.
@@ -141,7 +163,7 @@ fn find<'s>(scores: &'s [ProbeScore], name: &str, which: Probe) -> Option<&'s Pr
     scores.iter().find(|s| s.quantity == name && s.probe == which)
 }
 
-fn mean_score(section: &str, sections: &[&str], quantities: &[Quantity], scores: &[ProbeScore]) -> f64 {
+fn mean_score(section: &str, sections: &[&str], quantities: &[Quantity], scores: &[ProbeScore]) -> Option<f64> {
     let of = |q: &Quantity| find(scores, &q.name, Probe::Ridge).map(|s| scaled(&s.score, s).estimate);
     let values: Vec<f64> = sections
         .iter()
@@ -150,7 +172,7 @@ fn mean_score(section: &str, sections: &[&str], quantities: &[Quantity], scores:
         .filter_map(|(_, q)| of(q))
         .filter(|v| v.is_finite())
         .collect();
-    values.iter().sum::<f64>() / values.len() as f64
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
 fn draw(
@@ -244,9 +266,7 @@ fn write(
         ("shuffled", numbers(&|s| s.shuffled.estimate)),
         ("chance", numbers(&|s| s.chance)),
     ];
-    let path = session.out.join("probes.arrow");
-    write_table(&path, &table, &[("vibes.latents", session.path.display().to_string())])?;
-    session.outcome.files.push(path);
+    session.write_arrow("probes", &table)?;
     let sections: Vec<_> = sections
         .iter()
         .zip(quantities)

@@ -40,7 +40,7 @@ pub(super) struct Options {
 }
 
 /// A verb of the report: what it asks and how to read its answer.
-const QUESTIONS: [(&str, &str, &str); 5] = [
+const QUESTIONS: [(&str, &str, &str); 6] = [
     (
         "nn",
         "What is near what?",
@@ -66,6 +66,11 @@ const QUESTIONS: [(&str, &str, &str); 5] = [
         "What can be read from it?",
         "Good: task quantities high and above the action-only control, distractors at chance.",
     ),
+    (
+        "symmetry",
+        "Is it symmetric under rotation?",
+        "Reacher's arm and goal turned together change nothing that matters. Good: a ratio near 0; 1 if the latent knows nothing of it.",
+    ),
 ];
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
@@ -83,6 +88,10 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         chapters.push(chapter(options, globals, session, &folder)?);
     }
     let out = out.unwrap_or_default();
+    if options.runs.len() > 1 {
+        chapters.push(side_by_side(options, globals, &out));
+    }
+    let tables = options.runs.len().max(1);
     let runs: Vec<&PathBuf> = options.runs.iter().filter(|r| Run::read(r).is_ok()).collect();
     if !runs.is_empty() {
         chapters.push(training(options, globals, &runs, &out));
@@ -93,7 +102,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let figures: usize = chapters.iter().flat_map(|c| &c.sections).map(|s| s.figures.len()).sum();
     let line = format!(
         "report: {figures} figures of {} tables of latents on one page of {:.1} MB",
-        chapters.len() - usize::from(!runs.is_empty()),
+        tables,
         html.len() as f64 / 1e6
     );
     let json = json!({ "report": path, "figures": figures, "bytes": html.len() });
@@ -112,7 +121,8 @@ fn name(latents: &Path) -> String {
 
 fn chapter(options: &Options, globals: &Globals, mut session: Session, folder: &Path) -> anyhow::Result<Chapter> {
     let mut sections = vec![live_section(options, globals, &mut session, folder)?];
-    for (verb, title, reading) in QUESTIONS {
+    let rotates = session.frames()?.is_some_and(|frames| super::symmetry::applies(&frames));
+    for (verb, title, reading) in QUESTIONS.into_iter().filter(|(verb, ..)| *verb != "symmetry" || rotates) {
         say(globals, format_args!("report: {verb}"));
         let latents = session.path.display().to_string();
         let section = Section { title: title.into(), reading: reading.into(), ..Section::default() };
@@ -136,7 +146,7 @@ fn answer(options: &Options, words: &[&str], folder: &Path, mut section: Section
     if let Some(note) = &options.note {
         typed.extend(["--note".into(), note.clone()]);
     }
-    if let Some(recording) = options.recording.as_ref().filter(|_| words[0] != "curves") {
+    if let Some(recording) = options.recording.as_ref().filter(|_| !["curves", "compare"].contains(&words[0])) {
         typed.extend(["--recording".into(), recording.display().to_string()]);
     }
     let outcome = Cli::try_parse_from(typed).map_err(anyhow::Error::from).and_then(|cli| dispatch(&cli));
@@ -157,6 +167,20 @@ fn answer(options: &Options, words: &[&str], folder: &Path, mut section: Section
         Err(error) => section.result = format!("not available: {error:#}"),
     }
     section
+}
+
+/// The chapter on several tables of latents: which is better?
+fn side_by_side(options: &Options, globals: &Globals, out: &Path) -> Chapter {
+    say(globals, "report: compare");
+    let names: Vec<String> = options.runs.iter().map(|r| r.display().to_string()).collect();
+    let words: Vec<&str> = std::iter::once("compare").chain(names.iter().map(String::as_str)).collect();
+    let reading = "Tables of the same recording. Good: state high, distractor low, retrieval far above chance.";
+    let section = Section { title: "Which is more invariant?".into(), reading: reading.into(), ..Section::default() };
+    Chapter {
+        title: "Side by side".into(),
+        origin: names.join(", "),
+        sections: vec![answer(options, &words, out, section)],
+    }
 }
 
 /// The chapter on training: curves over all runs.

@@ -12,6 +12,7 @@ use vibes_data::Latents;
 use super::{Globals, Outcome, say, wrong};
 use crate::figures::{Figure, Heading};
 use crate::input::{Frames, InputError, find_recording, newest_latents, read_latents};
+use crate::output::Column;
 use crate::{Table, output};
 
 /// The inputs and outputs of a verb on one table of latents.
@@ -172,6 +173,14 @@ impl Session {
         output::write_json(&path, &document)?;
         self.outcome.files.push(path);
         self.outcome.json = document;
+        Ok(())
+    }
+
+    /// Writes numbers as the table `STEM.arrow`, which names the latents.
+    pub(super) fn write_arrow(&mut self, stem: &str, columns: &[(&str, Column)]) -> anyhow::Result<()> {
+        let path = self.out.join(format!("{stem}.arrow"));
+        output::write_table(&path, columns, &[("vibes.latents", self.path.display().to_string())])?;
+        self.outcome.files.push(path);
         Ok(())
     }
 

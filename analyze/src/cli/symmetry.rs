@@ -1,16 +1,27 @@
 //! `symmetry`: does the latent know that turning Reacher's arm and goal together changes nothing that matters?
 
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use rand::Rng;
 use rand::seq::SliceRandom;
+use rand::seq::index::sample;
 use serde_json::json;
+use vibes_data::Latents;
 
 use super::invariance::{ends, text};
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
+use crate::Table;
 use crate::figures::{Bar, BarGroup, Bars, Figure, NeighbourSheet, SheetColumn, Thumb};
-use crate::input::Frames;
-use crate::symmetry::{ReacherState, Symmetry, SymmetryOptions, rotated_pairs, symmetry};
+use crate::input::{Frames, find_recording, read_latents};
+use crate::output::Column;
+use crate::symmetry::{ReacherState, SymmetricPair, Symmetry, SymmetryOptions, rotated_pairs, symmetry};
 
-/// Reacher: latent distance between a row and a rotation of its state found in the data, against a row whose picture is as far away.
+/// Reacher: latent distance between a row and a rotation of its state, against a row whose picture is as far away.
+///
+/// Rotations are found in the data, or made: `vibes-collect render RECORDING --rotate 90 -o TURNED`, `vibes-train encode RUN TURNED -o turned.arrow`,
+/// then `vibes-analyze symmetry LATENTS --rotated turned.arrow` compares every row with its own rotation under the same distractor.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     #[command(flatten)]
@@ -21,6 +32,12 @@ pub(super) struct Options {
     /// Most that arm and goal of a pair may differ once turned back, metres.
     #[arg(long, default_value_t = 0.02)]
     tolerance: f64,
+    /// Latents of the same rows turned about the origin (of a recording by `vibes-collect render --rotate`), in place of rotations found in the data.
+    #[arg(long, value_name = "LATENTS")]
+    rotated: Option<PathBuf>,
+    /// The recording of the rotated latents [default: the one that they name].
+    #[arg(long, value_name = "FOLDER", requires = "rotated")]
+    rotated_recording: Option<PathBuf>,
 }
 
 /// Pairs shown as pictures.
@@ -31,30 +48,48 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         &options.input,
         globals,
         "symmetry",
-        json!({ "pairs": options.pairs, "tolerance": options.tolerance }),
+        json!({ "pairs": options.pairs, "tolerance": options.tolerance, "rotated": options.rotated }),
     )?;
     let frames = session.needed_frames("symmetry")?;
-    let states = states(&session, &frames)?;
     let asked = SymmetryOptions { pairs: options.pairs, tolerance: options.tolerance, ..SymmetryOptions::default() };
-    let measured = {
-        let mut rng = session.rng();
-        let table = session.table()?;
-        let pairs = rotated_pairs(&table, &states, asked, &mut rng)?;
-        symmetry(&table, &pairs, |a, b| image_distance(&session, &frames, a, b), asked, &mut rng)?
+    let mut rng = session.rng();
+    let own = states(&session.latents, &frames)?;
+    let mut rows = Rows { latents: session.latents.clone(), frames: vec![frames], own: session.latents.len() };
+    let pairs = match &options.rotated {
+        None => rotated_pairs(&rows.table()?, &own, asked, &mut rng)?,
+        Some(path) => rows.append_rotated(path, options.rotated_recording.as_deref(), &own, asked, &mut rng)?,
     };
+    let measured = symmetry(&rows.table()?, &pairs, |a, b| rows.image_distance(a, b), asked, &mut rng)?;
     let bars = bars(&session, &measured);
     session.save(&Figure::Bars(bars), "symmetry")?;
-    if frames.recording().manifest().spec.pixels.is_some() {
-        let sheet = sheet(&session, &frames, &measured);
+    if rows.frames[0].recording().manifest().spec.pixels.is_some() {
+        let sheet = sheet(&session, &rows, &measured);
         session.save(&Figure::NeighbourSheet(sheet), "symmetry-pairs")?;
     }
-    let key = |row: usize| [session.latents.episode[row], session.latents.step[row]];
+    let key = |row: usize| rows.key(row);
     let pairs: Vec<_> = measured
         .pairs
         .iter()
-        .map(|p| json!({ "row": key(p.row), "rotated": key(p.rotated), "latent": p.latent, "image": p.image, "matched": key(p.matched), "matched_latent": p.matched_latent, "matched_image": p.matched_image }))
+        .map(|p| json!({ "row": key(p.row), "rotated": key(p.rotated), "latent": p.latent, "image": p.image, "matched": key(p.matched), "matched_is_rotated": p.matched >= rows.own, "matched_latent": p.matched_latent, "matched_image": p.matched_image }))
         .collect();
     session.write_json("symmetry", &json!({ "ratio": measured.ratio, "closer": measured.closer, "pairs": pairs }))?;
+    let keys = |part: usize, of: fn(&SymmetricPair) -> usize| {
+        Column::UInt32(measured.pairs.iter().map(|p| rows.key(of(p))[part]).collect())
+    };
+    let numbers = |of: fn(&SymmetricPair) -> f64| Column::Float64(measured.pairs.iter().map(of).collect());
+    let columns = [
+        ("episode", keys(0, |p| p.row)),
+        ("step", keys(1, |p| p.row)),
+        ("rotated_episode", keys(0, |p| p.rotated)),
+        ("rotated_step", keys(1, |p| p.rotated)),
+        ("latent", numbers(|p| p.latent)),
+        ("image", numbers(|p| p.image)),
+        ("matched_episode", keys(0, |p| p.matched)),
+        ("matched_step", keys(1, |p| p.matched)),
+        ("matched_latent", numbers(|p| p.matched_latent)),
+        ("matched_image", numbers(|p| p.matched_image)),
+    ];
+    session.write_arrow("symmetry", &columns)?;
     let line = format!(
         "symmetry: rotated pairs are {} times as far apart as pairs that look as different (0 is symmetric, 1 is not), over {} pairs",
         text(&measured.ratio),
@@ -63,8 +98,109 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     Ok(session.finish(line))
 }
 
+/// The rows that are compared: the table's own, and after them rotated ones of another recording, under episode numbers of their own.
+struct Rows {
+    latents: Latents,
+    /// The recording of the own rows, and that of the rotated ones.
+    frames: Vec<Frames>,
+    own: usize,
+}
+
+impl Rows {
+    fn table(&self) -> Result<Table<'_>, crate::Error> {
+        let l = &self.latents;
+        Table::new(l.dims, &l.latent, &l.episode, &l.step)?.with_grid(&l.state, &l.distractor)
+    }
+
+    /// What is added to the episode numbers of rotated rows.
+    fn shift(&self) -> u32 {
+        self.latents.episode[..self.own].iter().max().map_or(0, |last| last + 1)
+    }
+
+    /// The row key in its own recording.
+    fn key(&self, row: usize) -> [u32; 2] {
+        let shift = if row < self.own { 0 } else { self.shift() };
+        [self.latents.episode[row] - shift, self.latents.step[row]]
+    }
+
+    fn frames(&self, row: usize) -> &Frames {
+        &self.frames[usize::from(row >= self.own).min(self.frames.len() - 1)]
+    }
+
+    /// Root mean square difference of two rows' pictures, of 255.
+    fn image_distance(&self, a: usize, b: usize) -> f64 {
+        let pixels = |row: usize| {
+            let [episode, step] = self.key(row);
+            self.frames(row).view(episode).map_or(&[][..], |view| view.pixels(step as usize))
+        };
+        let (a, b) = (pixels(a), pixels(b));
+        let sum: u64 = a.iter().zip(b).map(|(&x, &y)| u64::from(x.abs_diff(y)).pow(2)).sum();
+        (sum as f64 / a.len().max(1) as f64).sqrt()
+    }
+
+    /// Adds the rotated latents and pairs every row, or as many as are asked for, with its own rotation.
+    fn append_rotated(
+        &mut self,
+        path: &Path,
+        recording: Option<&Path>,
+        states_of_own: &[ReacherState],
+        options: SymmetryOptions,
+        rng: &mut impl Rng,
+    ) -> anyhow::Result<Vec<(usize, usize)>> {
+        let turned = read_latents(path)?;
+        let l = &mut self.latents;
+        if turned.dims != l.dims {
+            return Err(wrong(format!(
+                "the rotated latents have {} dimensions, the others {}: {}",
+                turned.dims,
+                l.dims,
+                path.display()
+            )));
+        }
+        let named = turned.source.recording.as_deref().and_then(|named| find_recording(named, path));
+        let missing = || {
+            wrong(format!(
+                "the recording of the rotated latents is not there; name it with --rotated-recording: {}",
+                path.display()
+            ))
+        };
+        let recording = recording.map(Path::to_path_buf).or(named).ok_or_else(missing)?;
+        let frames = Frames::open(&recording, &turned)?;
+        let states_of_turned = states(&turned, &frames)?;
+        let at: HashMap<(u32, u32), usize> =
+            (0..turned.len()).map(|row| ((turned.episode[row], turned.step[row]), row)).collect();
+        let partner = |row: usize| Some((row, *at.get(&(l.episode[row], l.step[row]))?));
+        let mut pairs: Vec<(usize, usize)> = (0..self.own).filter_map(partner).collect();
+        let is_rotation = |&(a, b): &(usize, usize)| states_of_own[a].is_rotation_of(states_of_turned[b], options);
+        if pairs.is_empty() || !pairs.iter().all(is_rotation) {
+            return Err(wrong(format!(
+                "the rows of these latents are not rotations of the others' (by at least 45 degrees, within {} m); make them with `vibes-collect render --rotate`: {}",
+                options.tolerance,
+                recording.display()
+            )));
+        }
+        pairs = sample(rng, pairs.len(), pairs.len().min(options.pairs)).into_iter().map(|at| pairs[at]).collect();
+        let shift = l.episode.iter().max().map_or(0, |last| last + 1);
+        l.episode.extend(turned.episode.iter().map(|episode| episode + shift));
+        l.step.extend(&turned.step);
+        l.state.extend(&turned.state);
+        l.distractor.extend(&turned.distractor);
+        l.latent.extend(&turned.latent);
+        self.frames.push(frames);
+        Ok(pairs.into_iter().map(|(row, turned)| (row, self.own + turned)).collect())
+    }
+}
+
+/// Whether the recording is of Reacher, with all that the measure needs.
+pub(super) fn applies(frames: &Frames) -> bool {
+    let spec = &frames.recording().manifest().spec;
+    spec.task.starts_with("reacher")
+        && spec.qpos == 2
+        && spec.observation.iter().any(|part| part.name == "to_target" && part.len == 2)
+}
+
 /// The arm's joints and the goal of every row: `qpos`, and the goal from the episode's model overrides or the observation `to_target`.
-fn states(session: &Session, frames: &Frames) -> anyhow::Result<Vec<ReacherState>> {
+fn states(l: &Latents, frames: &Frames) -> anyhow::Result<Vec<ReacherState>> {
     let manifest = frames.recording().manifest();
     let not_reacher = || {
         wrong(format!(
@@ -76,7 +212,6 @@ fn states(session: &Session, frames: &Frames) -> anyhow::Result<Vec<ReacherState
     if !manifest.spec.task.starts_with("reacher") || manifest.spec.qpos != 2 {
         return Err(not_reacher());
     }
-    let l = &session.latents;
     let at = manifest.spec.observation.iter().scan(0, |at, part| {
         let from = *at;
         *at += part.len;
@@ -109,20 +244,8 @@ fn finger([shoulder, wrist]: [f64; 2]) -> [f64; 2] {
     [LINK * (shoulder.cos() + (shoulder + wrist).cos()), LINK * (shoulder.sin() + (shoulder + wrist).sin())]
 }
 
-/// Root mean square difference of two rows' pictures, of 255.
-fn image_distance(session: &Session, frames: &Frames, a: usize, b: usize) -> f64 {
-    let pixels = |row: usize| {
-        frames.view(session.latents.episode[row]).map_or(&[][..], |v| v.pixels(session.latents.step[row] as usize))
-    };
-    let (a, b) = (pixels(a), pixels(b));
-    let sum: u64 = a.iter().zip(b).map(|(&x, &y)| u64::from(x.abs_diff(y)).pow(2)).sum();
-    (sum as f64 / a.len().max(1) as f64).sqrt()
-}
-
 fn bars(session: &Session, measured: &Symmetry) -> Bars {
-    let mean = |of: fn(&crate::symmetry::SymmetricPair) -> f64| {
-        measured.pairs.iter().map(of).sum::<f64>() / measured.pairs.len() as f64
-    };
+    let mean = |of: fn(&SymmetricPair) -> f64| measured.pairs.iter().map(of).sum::<f64>() / measured.pairs.len() as f64;
     let plain = |label: &str, value: f64| Bar { label: label.into(), value, interval: None, chance: None };
     let with = |label: &str, i: &crate::intervals::Interval, chance: f64| Bar {
         label: label.into(),
@@ -156,15 +279,14 @@ fn bars(session: &Session, measured: &Symmetry) -> Bars {
 }
 
 /// Some pairs: the row, its rotation, the row whose picture is as far away.
-fn sheet(session: &Session, frames: &Frames, measured: &Symmetry) -> NeighbourSheet {
+fn sheet(session: &Session, rows: &Rows, measured: &Symmetry) -> NeighbourSheet {
     let mut pairs = measured.pairs.clone();
     pairs.shuffle(&mut session.rng());
-    let l = &session.latents;
-    let thumb = |row: usize| Thumb {
-        name: format!("{}:{}", l.episode[row], l.step[row]),
-        pixels: frames.picture(l.episode[row], l.step[row]),
+    let thumb = |row: usize| {
+        let [episode, step] = rows.key(row);
+        Thumb { name: format!("{episode}:{step}"), pixels: rows.frames(row).picture(episode, step) }
     };
-    let column = |p: &crate::symmetry::SymmetricPair| SheetColumn {
+    let column = |p: &SymmetricPair| SheetColumn {
         query: thumb(p.row),
         remark: String::new(),
         neighbours: vec![(thumb(p.rotated), p.latent), (thumb(p.matched), p.matched_latent)],

@@ -8,6 +8,9 @@ use super::{Globals, Outcome};
 use crate::figures::{Coloring, Figure, Map};
 
 /// A map of the latents: figures coloured by step, state and reward, and map.arrow (episode, step, x, y).
+///
+/// The neighbour graph is kept in graph.arrow: another layout of the same latents (--min-dist, --spread, --epochs, --seed, fewer --neighbours)
+/// does not search again. --onto places new latents of the same model on an old map.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     #[command(flatten)]
@@ -23,14 +26,21 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let seconds = began.elapsed().as_secs_f64();
     for (stem, coloring, title) in colorings(&session) {
         let heading = session.heading(format!("{} latents, coloured by {title}", thousands(session.latents.len())));
-        let map = Map { heading, axes: options.map.method.name().into(), points: made.points(), coloring };
+        let map = Map {
+            heading,
+            axes: options.map.method.name().into(),
+            points: made.points(),
+            backdrop: made.backdrop(),
+            coloring,
+        };
         session.save(&Figure::Map(map), &format!("map-by-{stem}"))?;
     }
     session.write_json("map", &json!({ "quality": made.quality }))?;
     let line = format!(
-        "umap: {} latents by {} in {seconds:.1} s, {}",
+        "umap: {} latents by {} in {seconds:.1} s{}, {}",
         session.latents.len(),
         options.map.method.name(),
+        made.how,
         made.quality_text()
     );
     Ok(session.finish(line))

@@ -54,6 +54,8 @@ pub struct Map {
     pub axes: String,
     /// One point a row.
     pub points: Vec<[f64; 2]>,
+    /// Points that are drawn grey beneath them: those of an old map that these were placed on.
+    pub backdrop: Vec<[f64; 2]>,
     /// What the colours say.
     pub coloring: Coloring,
 }
@@ -64,15 +66,21 @@ impl Map {
     pub fn draw(&self) -> Picture {
         let names = self.kind_names();
         let w = COLUMN - 16.0 - 10.0 - if names.is_empty() { BAR_ROOM } else { 0.0 };
-        let h = w * aspect(&self.points);
+        let all = [self.points.as_slice(), &self.backdrop].concat();
+        let h = w * aspect(&all);
         let key = legend::swatch_height(&names, COLUMN - 12.0);
-        let every = self.points.len().div_ceil(MOST).max(1);
+        let every = all.len().div_ceil(MOST).max(1);
         let foot = if every > 1 { 9.0 } else { 0.0 };
         let (mut picture, top) = self.heading.picture(COLUMN, h + 14.0 + key + foot);
         let area = Rect::new(16.0, top, w, h);
-        let radius = radius(self.points.len());
-        let (centers, _) = fit_points(&self.points, area.w, area.h);
-        for (list, color) in self.layers(&centers, every) {
+        let radius = radius(all.len());
+        let (centers, _) = fit_points(&all, area.w, area.h);
+        let (centers, beneath) = centers.split_at(self.points.len());
+        let beneath: Vec<Point> = beneath.iter().step_by(every).copied().collect();
+        if !beneath.is_empty() {
+            picture.dots((area.x, area.y), Arc::new(beneath), radius, CONTEXT);
+        }
+        for (list, color) in self.layers(centers, every) {
             picture.dots((area.x, area.y), Arc::new(list), radius, color);
         }
         frame(&mut picture, area, &self.axes);
@@ -84,7 +92,7 @@ impl Map {
             legend::swatches(&mut picture, (8.0, area.bottom() + 14.0), &names, &colors, COLUMN - 12.0);
         }
         if every > 1 {
-            let text = format!("every {every}th of {} points is drawn", self.points.len());
+            let text = format!("every {every}th of {} points is drawn", all.len());
             let at = (16.0, picture.height - 3.0);
             picture.text(at, text, TextStyle::new(6.0).color(FAINT));
         }

@@ -49,7 +49,7 @@ impl Panels {
         let (rows, columns) = (self.states.len().max(1), self.distractors.len().max(1));
         let width = if columns <= 5 { COLUMN } else { PAGE };
         let (left, gap) = (18.0, 2.5);
-        let side = ((width - left - BAR_ROOM - 8.0) / columns as f64 - gap).min(90.0);
+        let side = ((width - left - BAR_ROOM) / columns as f64 - gap).min(90.0);
         let high = side * aspect(&self.points);
         let (mut picture, top) = self.heading.picture(width, 21.0 + rows as f64 * (high + gap) + 4.0);
         let top = top + 21.0;

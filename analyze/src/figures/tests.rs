@@ -1,5 +1,7 @@
 //! Laws that hold for every figure, checked on one example of each.
 
+mod snapshots;
+
 use std::sync::Arc;
 
 use super::*;
@@ -74,6 +76,7 @@ fn examples() -> Vec<(&'static str, Figure)> {
                 axes: "UMAP".into(),
                 coloring: Coloring::Quantity { name: "step".into(), values: (0..4000).map(|i| (i % 250) as f64).collect() },
                 points: points.clone(),
+                backdrop: Vec::new(),
             }),
         ),
         (
@@ -81,8 +84,9 @@ fn examples() -> Vec<(&'static str, Figure)> {
             Figure::Map(Map {
                 heading: heading("Map of 4,000 latents"),
                 axes: "UMAP".into(),
-                coloring: Coloring::Kind { name: "state".into(), kinds: (0..4000).map(|i| Some(i / 400)).collect() },
-                points: points.clone(),
+                coloring: Coloring::Kind { name: "state".into(), kinds: (0..2000).map(|i| Some(i / 200)).collect() },
+                points: points[..2000].to_vec(),
+                backdrop: points[2000..].to_vec(),
             }),
         ),
         (

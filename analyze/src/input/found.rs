@@ -40,11 +40,20 @@ fn collect(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBuf)>) 
 /// The recording that latents name: its path as it stands, or below any folder above the latents.
 #[must_use]
 pub fn find_recording(named: &str, latents: &Path) -> Option<PathBuf> {
-    let is_recording = |path: &Path| path.join("manifest.json").is_file();
+    find(named, latents, |path| path.join("manifest.json").is_file())
+}
+
+/// The latents that a map names: their path as it stands, or below any folder above the map.
+#[must_use]
+pub fn find_latents(named: &str, map: &Path) -> Option<PathBuf> {
+    find(named, map, Path::is_file)
+}
+
+fn find(named: &str, beside: &Path, is_it: impl Fn(&Path) -> bool) -> Option<PathBuf> {
     let named = Path::new(named);
-    let latents = std::path::absolute(latents).unwrap_or_else(|_| latents.to_path_buf());
+    let beside = std::path::absolute(beside).unwrap_or_else(|_| beside.to_path_buf());
     let as_it_stands = std::iter::once(named.to_path_buf());
-    as_it_stands.chain(latents.ancestors().skip(1).map(|above| above.join(named))).find(|path| is_recording(path))
+    as_it_stands.chain(beside.ancestors().skip(1).map(|above| above.join(named))).find(|path| is_it(path))
 }
 
 #[cfg(test)]

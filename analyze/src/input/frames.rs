@@ -23,8 +23,8 @@ impl Frames {
     /// Opens the recording and every episode that the latents name.
     ///
     /// # Errors
-    /// [`InputError::Recording`] if it cannot be read, [`InputError::OtherRecording`] if it lacks an episode or row, or has it in another
-    /// cell of the grid.
+    /// [`InputError::Recording`] if it cannot be read, [`InputError::OtherRecording`] if it lacks an episode or row, has it in another
+    /// cell of the grid, or with another reward: two recordings of one size are told apart by nothing else.
     pub fn open(path: &Path, latents: &Latents) -> Result<Self, InputError> {
         let recording = Recording::open(path)?;
         let mut views: BTreeMap<u32, EpisodeView> = BTreeMap::new();
@@ -46,6 +46,13 @@ impl Frames {
             if claimed.is_some() && claimed != cell {
                 return Err(other(format!(
                     "episode {episode} lies in cell {cell:?} of its grid, the latents say {claimed:?}"
+                )));
+            }
+            let earned = (step < view.steps() as u32).then(|| view.reward(step as usize));
+            if let Some((here, claimed)) = earned.zip(latents.reward[row]).filter(|(a, b)| differ(*a, *b)) {
+                return Err(other(format!(
+                    "step {step} of episode {episode} earned {here} in it, the latents say {claimed} (leave their column reward out if it is not the \
+                     recording's)"
                 )));
             }
         }
@@ -105,4 +112,9 @@ impl Frames {
         let at = |row: usize| self.views.get(&latents.episode[row]).map(|view| of(view, latents.step[row] as usize));
         (0..latents.len()).filter_map(at).flatten().collect()
     }
+}
+
+/// Whether two rewards are not the same but for rounding.
+fn differ(a: f32, b: f32) -> bool {
+    (a - b).abs() > 1e-3 * (1.0 + a.abs())
 }

@@ -11,6 +11,8 @@ use super::InputError;
 struct Array<'a> {
     fields: Vec<Field>,
     shape: Vec<usize>,
+    /// Stored column by column: Fortran order.
+    columns_first: bool,
     data: &'a [u8],
     path: &'a Path,
 }
@@ -108,7 +110,8 @@ impl<'a> Array<'a> {
         let whole = self.fields.iter().map(|f| f.bytes * f.count).sum();
         let skip = Field { name: String::new(), offset: 0, kind: 'V', bytes: 1, count: whole };
         let field = Field { name: field.name.clone(), ..*field };
-        Ok(Some(Self { fields: vec![field, skip], shape: self.shape.clone(), data: self.data, path: self.path }))
+        let fields = vec![field, skip];
+        Ok(Some(Self { fields, shape: self.shape.clone(), columns_first: false, data: self.data, path: self.path }))
     }
 
     /// All numbers, `[rows, count]`, as float64: exact for float32 and for integers below 2^53.
@@ -128,7 +131,12 @@ impl<'a> Array<'a> {
         let part = |element: &'a [u8]| {
             element[field.offset..field.offset + field.bytes * field.count].chunks_exact(field.bytes)
         };
-        self.data.chunks_exact(element).flat_map(part).map(number).collect()
+        let numbers: Vec<f64> = self.data.chunks_exact(element).flat_map(part).map(number).collect();
+        if !self.columns_first {
+            return numbers;
+        }
+        let (rows, columns) = self.size();
+        (0..rows).flat_map(|row| (0..columns).map(move |column| column * rows + row)).map(|at| numbers[at]).collect()
     }
 
     fn keys(&self, name: &str) -> Result<Vec<u32>, InputError> {
@@ -160,9 +168,6 @@ fn parse<'a>(bytes: &'a [u8], path: &'a Path) -> Result<Array<'a>, InputError> {
     let header = bytes.get(start..start.saturating_add(length)).ok_or_else(|| fault("a truncated npy file"))?;
     let header = std::str::from_utf8(header).map_err(|_e| fault("an npy file with a damaged header"))?;
     let data = &bytes[start + length..];
-    if header.contains("'fortran_order': True") {
-        return Err(fault("an array in Fortran order (save np.ascontiguousarray(latent))"));
-    }
     let shape_text = after(header, "'shape':")
         .and_then(|t| between(t, '(', ')'))
         .ok_or_else(|| fault("an npy file without a shape"))?;
@@ -174,7 +179,11 @@ fn parse<'a>(bytes: &'a [u8], path: &'a Path) -> Result<Array<'a>, InputError> {
     if expected != Some(data.len()) || element == 0 {
         return Err(fault("an npy file of another length than its header says"));
     }
-    Ok(Array { fields, shape, data, path })
+    let columns_first = header.contains("'fortran_order': True") && shape.len() > 1;
+    if columns_first && (shape.len() > 2 || fields.len() > 1) {
+        return Err(fault("an array of more than two dimensions in Fortran order (save np.ascontiguousarray(latent))"));
+    }
+    Ok(Array { fields, shape, columns_first, data, path })
 }
 
 fn after<'a>(text: &'a str, key: &str) -> Option<&'a str> {
@@ -246,4 +255,27 @@ fn members(bytes: &[u8]) -> Option<Vec<(String, &[u8])>> {
         at = at.checked_add(46 + name + extra + comment)?;
     }
     Some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_orders_of_an_array_read_the_same() {
+        let npy = |fortran: &str, values: [f32; 6]| {
+            let header = format!("{{'descr': '<f4', 'fortran_order': {fortran}, 'shape': (2, 3), }}\n");
+            let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+            bytes.extend((header.len() as u16).to_le_bytes());
+            bytes.extend(header.bytes());
+            bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+            bytes
+        };
+        let rows = npy("False", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        let columns = npy("True", [1.0, 4.0, 2.0, 5.0, 3.0, 6.0]);
+        for bytes in [rows, columns] {
+            let array = parse(&bytes, Path::new("x.npy")).expect("array");
+            assert_eq!((array.size(), array.numbers()), ((2, 3), vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
+        }
+    }
 }

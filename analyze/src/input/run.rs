@@ -1,6 +1,8 @@
-//! A run folder as the analyzer sees it: what was trained (`run.json`) and how its numbers went (`metrics.jsonl`).
+//! A run folder as the analyzer sees it: what was trained (`run.json`), how its numbers went (`metrics.jsonl`), and what was measured on a
+//! held-out grid (`evaluations.jsonl`, written while training, and `evaluation*.json`, written by `vibes-train evaluate`).
 //!
-//! Every numeric field of the metrics becomes a series over `update` (or `step`), so that a new metric needs no change here.
+//! Every numeric field of the metrics becomes a series over `update` (or `step`), so that a new metric needs no change here. Those of the
+//! held-out grid are named as in `held_out.gaps.dynamics_gap`.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,6 +13,9 @@ use super::InputError;
 
 /// Fields that count progress, the first that a line has is its x.
 const CLOCKS: [&str; 4] = ["env_step", "environment_steps", "update", "step"];
+
+/// What the names of metrics on a held-out grid begin with.
+const HELD_OUT: &str = "held_out";
 
 /// One metric over training: `(x, value)` in the order of the file.
 pub type Series = Vec<(f64, f64)>;
@@ -66,7 +71,45 @@ impl Run {
             }
         }
         let clock = clock.unwrap_or("update").to_string();
-        Ok(Self { path: path.into(), name, info, clock, series, broken_lines })
+        let mut run = Self { path: path.into(), name, info, clock, series, broken_lines };
+        run.add_held_out(&text);
+        Ok(run)
+    }
+
+    /// Adds what was measured on a held-out grid: over training, and of single checkpoints.
+    fn add_held_out(&mut self, metrics: &str) {
+        let passed = passed(metrics, &self.clock);
+        let over_training = std::fs::read_to_string(self.path.join("evaluations.jsonl")).unwrap_or_default();
+        for line in over_training.lines().filter(|l| !l.trim().is_empty()) {
+            match serde_json::from_str::<Value>(line) {
+                Ok(row) => self.add(HELD_OUT, &row, at(&passed, row["update"].as_f64())),
+                Err(_) => self.broken_lines += 1,
+            }
+        }
+        for document in evaluations(&self.path) {
+            let x = at(&passed, update_of(&document));
+            self.add("held_out.gaps", &document["gaps"], x);
+            // The report of a checkpoint may be of another grid than the one over training.
+            if over_training.is_empty() {
+                self.add(HELD_OUT, &document["report"], x);
+            }
+        }
+    }
+
+    /// Adds every number of a document at `x`.
+    fn add(&mut self, name: &str, value: &Value, x: f64) {
+        match value {
+            Value::Object(fields) => {
+                for (field, value) in fields.iter().filter(|(field, _)| !CLOCKS.contains(&field.as_str())) {
+                    self.add(&format!("{name}.{field}"), value, x);
+                }
+            }
+            Value::Number(number) => {
+                let points = self.series.entry(name.into()).or_default();
+                points.extend(number.as_f64().map(|y| (x, y)));
+            }
+            _ => {}
+        }
     }
 
     /// The objective the run was trained with, if `run.json` says.
@@ -86,6 +129,42 @@ impl Run {
     pub fn updates(&self) -> Option<f64> {
         (self.clock == "update").then(|| self.series.values().filter_map(|s| s.last()).map(|p| p.0).fold(0.0, f64::max))
     }
+}
+
+/// Updates and what the clock showed then, for clocks that do not count updates.
+fn passed(metrics: &str, clock: &str) -> Vec<(f64, f64)> {
+    let rows = metrics.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    rows.filter_map(|row| Some((row["update"].as_f64()?, row[clock].as_f64()?))).collect()
+}
+
+/// What the clock showed after an update.
+fn at(passed: &[(f64, f64)], update: Option<f64>) -> f64 {
+    let update = update.unwrap_or(0.0);
+    let after = passed.iter().find(|(passed, _)| *passed >= update).or(passed.last());
+    match after {
+        // Between two lines of the metrics: the update itself, if that is what the clock counts.
+        Some(&(passed, clock)) if passed == clock => update,
+        Some(&(_, clock)) => clock,
+        None => update,
+    }
+}
+
+/// The documents of `vibes-train evaluate` in a run folder.
+fn evaluations(run: &Path) -> Vec<Value> {
+    let entries = std::fs::read_dir(run).into_iter().flatten().flatten().map(|entry| entry.path());
+    let named = |path: &PathBuf| {
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        name.starts_with("evaluation") && name.ends_with(".json")
+    };
+    let mut paths: Vec<PathBuf> = entries.filter(named).collect();
+    paths.sort();
+    paths.iter().filter_map(|path| serde_json::from_slice(&std::fs::read(path).ok()?).ok()).collect()
+}
+
+/// The update of the checkpoint that a document is about, from its path `…/checkpoints/000500/model.safetensors`.
+fn update_of(document: &Value) -> Option<f64> {
+    let checkpoint = Path::new(document["checkpoint"].as_str()?);
+    checkpoint.iter().rev().find_map(|part| part.to_str()?.parse::<u64>().ok()).map(|update| update as f64)
 }
 
 /// The first text under this key, anywhere in the document.
@@ -109,6 +188,37 @@ mod tests {
         assert_eq!(run.series["loss"], vec![(10.0, 2.5), (20.0, 1.5)]);
         assert_eq!(run.series["gap"], vec![(20.0, 0.5)]);
         assert_eq!((run.broken_lines, run.objective(), run.updates()), (1, Some("vibes"), Some(20.0)));
+    }
+
+    #[test]
+    fn what_was_measured_on_a_held_out_grid_belongs_to_the_run() {
+        let dir = tempfile::tempdir().expect("folder");
+        let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).expect("file");
+        write("metrics.jsonl", "{\"update\":100,\"loss\":2.5}\n{\"update\":200,\"loss\":1.5}\n");
+        write(
+            "evaluations.jsonl",
+            "{\"update\":150,\"retrieval_at_1\":0.5,\"shares\":{\"state\":0.25},\"probes\":[{\"latents\":1}]}\n",
+        );
+        let gaps = |gap: f64, update: u32| {
+            format!(
+                "{{\"checkpoint\":\"runs/a/checkpoints/{update:06}/model.safetensors\",\"report\":{{\"retrieval_at_1\":0.9}},\"gaps\":{{\"dynamics_gap\":{gap}}}}}"
+            )
+        };
+        write("evaluation.json", &gaps(1.5, 200));
+        write("evaluation-early.json", &gaps(4.0, 100));
+        let run = Run::read(dir.path()).expect("run");
+        assert_eq!(run.series["held_out.retrieval_at_1"], vec![(150.0, 0.5)]);
+        assert_eq!(run.series["held_out.shares.state"], vec![(150.0, 0.25)]);
+        let mut gaps = run.series["held_out.gaps.dynamics_gap"].clone();
+        gaps.sort_by(|a, b| a.0.total_cmp(&b.0));
+        assert_eq!(gaps, vec![(100.0, 4.0), (200.0, 1.5)]);
+        assert_eq!(run.series.len(), 4);
+        write(
+            "metrics.jsonl",
+            "{\"env_step\":4000,\"update\":100,\"loss\":2.5}\n{\"env_step\":9000,\"update\":200,\"loss\":1.5}\n",
+        );
+        let run = Run::read(dir.path()).expect("run");
+        assert_eq!(run.series["held_out.retrieval_at_1"], vec![(9000.0, 0.5)], "in the metrics' own clock");
     }
 
     #[test]

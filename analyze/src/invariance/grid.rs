@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use serde::Serialize;
+
 use crate::{Error, Table};
 
 /// A complete grid: every state trajectory under every distractor trajectory, over the steps all cells have.
@@ -13,7 +15,16 @@ pub struct Grid<'a> {
     steps: Vec<u32>,
     /// `[states, distractors, steps]`.
     pub(super) rows: Vec<usize>,
-    dropped: Vec<u32>,
+    dropped: Dropped,
+}
+
+/// Trajectories left out of a grid with holes, rising.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct Dropped {
+    /// State trajectories.
+    pub states: Vec<u32>,
+    /// Distractor trajectories.
+    pub distractors: Vec<u32>,
 }
 
 impl<'a> Grid<'a> {
@@ -28,18 +39,39 @@ impl<'a> Grid<'a> {
             let cells = states.len() * distractors.len();
             return Err(Error::GridHoles { state, distractor, missing: missing.len(), cells });
         }
-        Self::of_cells(table, &cells, states, distractors, Vec::new())
+        Self::of_cells(table, &cells, states, distractors, Dropped::default())
     }
 
-    /// As [`Grid::new`], but state trajectories with a missing cell are left out; [`Grid::dropped`] names them.
+    /// As [`Grid::new`], but of a grid with holes a complete part is taken: as long as a cell is missing, the state or distractor trajectory that
+    /// lacks the largest share of its cells is left out. [`Grid::dropped`] names them.
     ///
     /// # Errors
-    /// As [`Grid::new`], if fewer than two complete states remain.
-    pub fn of_complete_states(table: Table<'a>) -> Result<Self, Error> {
-        let (cells, states, distractors) = cells(&table)?;
-        let dropped: BTreeSet<u32> = missing(&cells, &states, &distractors).iter().map(|&(state, _)| state).collect();
-        let states = states.into_iter().filter(|state| !dropped.contains(state)).collect();
-        Self::of_cells(table, &cells, states, distractors, dropped.into_iter().collect())
+    /// As [`Grid::new`], if fewer than two states or distractors remain.
+    pub fn of_complete_part(table: Table<'a>) -> Result<Self, Error> {
+        let (cells, mut states, mut distractors) = cells(&table)?;
+        let mut dropped = Dropped::default();
+        loop {
+            let missing = missing(&cells, &states, &distractors);
+            let count = |of: &dyn Fn(&(u32, u32)) -> bool| missing.iter().filter(|cell| of(cell)).count();
+            let worst = |lines: &[u32], length: usize, of: &dyn Fn(&(u32, u32)) -> u32| {
+                let shares = lines.iter().map(|&line| (count(&|cell| of(cell) == line) as f64 / length as f64, line));
+                shares.fold((0.0, 0), |worst, next| if next.0 > worst.0 { next } else { worst })
+            };
+            let state = worst(&states, distractors.len(), &|cell| cell.0);
+            let distractor = worst(&distractors, states.len(), &|cell| cell.1);
+            if missing.is_empty() {
+                dropped.states.sort_unstable();
+                dropped.distractors.sort_unstable();
+                return Self::of_cells(table, &cells, states, distractors, dropped);
+            }
+            if state.0 >= distractor.0 {
+                states.retain(|&other| other != state.1);
+                dropped.states.push(state.1);
+            } else {
+                distractors.retain(|&other| other != distractor.1);
+                dropped.distractors.push(distractor.1);
+            }
+        }
     }
 
     fn of_cells(
@@ -47,7 +79,7 @@ impl<'a> Grid<'a> {
         cells: &Cells,
         states: Vec<u32>,
         distractors: Vec<u32>,
-        dropped: Vec<u32>,
+        dropped: Dropped,
     ) -> Result<Self, Error> {
         for (what, found) in
             [("the invariance split: states", states.len()), ("the invariance split: distractors", distractors.len())]
@@ -94,9 +126,9 @@ impl<'a> Grid<'a> {
         &self.steps
     }
 
-    /// State trajectories left out because a cell of theirs is missing.
+    /// Trajectories left out because a cell of theirs is missing.
     #[must_use]
-    pub fn dropped(&self) -> &[u32] {
+    pub fn dropped(&self) -> &Dropped {
         &self.dropped
     }
 

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::Grid;
 use crate::intervals::{Interval, bootstrap};
-use crate::neighbours::{Exclude, Metric, Space, nearest};
+use crate::neighbours::{Exclude, Metric, Space, bounded_queries, nearest};
 use crate::{Error, Table};
 
 /// How to ask.
@@ -49,8 +49,8 @@ pub struct Retrieval {
 pub fn retrieval(grid: &Grid<'_>, options: RetrievalOptions, rng: &mut impl Rng) -> Result<Retrieval, Error> {
     let (distractors, steps) = (grid.distractors().len(), grid.steps().len());
     let all = grid.rows.len();
-    let mut queries =
-        if all > options.queries { index::sample(rng, all, options.queries).into_vec() } else { (0..all).collect() };
+    let most = bounded_queries(options.queries, all);
+    let mut queries = if all > most { index::sample(rng, all, most).into_vec() } else { (0..all).collect() };
     queries.sort_unstable();
     let state = |at: usize| at / (distractors * steps);
     let step = |at: usize| grid.steps()[at % steps];

@@ -2,7 +2,7 @@ use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Grid, RetrievalOptions, retrieval, retrieval_at_step, variance};
+use super::{Grid, RetrievalOptions, VarianceSplit, retrieval, retrieval_at_step, variance};
 use crate::{Error, Table};
 
 /// Rows of a grid whose latent is `latent(state, distractor, step)`.
@@ -50,7 +50,7 @@ fn the_split_of_known_effects_is_the_known_split() {
     let rows =
         Rows::new(4, 6, 3, |i, j, t| vec![2.0 * sign(i) + 100.0, sign(j) - 7.0 * t as f32, 0.5 * sign(i) * sign(j)]);
     let grid = Grid::new(rows.table()).unwrap();
-    let split = variance(&grid, &mut generator(0)).unwrap();
+    let split = variance(&grid).unwrap();
     let total = 4.0 + 1.0 + 0.25;
     for (share, expected) in
         [(split.state, 4.0 / total), (split.distractor, 1.0 / total), (split.interaction, 0.25 / total)]
@@ -65,6 +65,36 @@ fn the_split_of_known_effects_is_the_known_split() {
     assert!(split.by_step.iter().all(|step| (step.state - 4.0 / total).abs() < 1e-6));
 }
 
+/// Grids drawn from one model again and again: 95% intervals hold its expected shares about 95% of the time, and always the estimate.
+#[test]
+fn intervals_of_the_split_hold_what_they_say() {
+    let mut rng = generator(5);
+    let mut normal = || (0..12).map(|_| rng.random_range(-0.5..0.5_f32)).sum::<f32>();
+    let (n, m) = (8, 6);
+    let splits: Vec<_> = (0..300)
+        .map(|_| {
+            let state: Vec<[f32; 3]> = (0..n).map(|_| [(); 3].map(|()| 1.0 * normal())).collect();
+            let distractor: Vec<[f32; 3]> = (0..m).map(|_| [(); 3].map(|()| 0.7 * normal())).collect();
+            let rows = Rows::new(n, m, 2, |i, j, _| {
+                (0..3).map(|d| state[i as usize][d] + distractor[j as usize][d] + 0.5 * normal()).collect()
+            });
+            variance(&Grid::new(rows.table()).unwrap()).unwrap()
+        })
+        .collect();
+    for of in [|s: &VarianceSplit| s.state, |s: &VarianceSplit| s.distractor, |s: &VarianceSplit| s.interaction] {
+        let truth = splits.iter().map(|split| of(split).estimate).sum::<f64>() / 300.0;
+        let held = splits.iter().filter(|split| of(split).low <= truth && truth <= of(split).high).count();
+        assert!((270..=299).contains(&held), "{held} of 300 hold {truth}");
+        let own = |split: &&VarianceSplit| of(split).low <= of(split).estimate && of(split).estimate <= of(split).high;
+        assert_eq!(splits.iter().filter(own).count(), 300);
+    }
+    let small = Rows::new(2, 4, 2, |i, j, t| vec![(i * j) as f32, t as f32 + j as f32]);
+    assert!(
+        variance(&Grid::new(small.table()).unwrap()).unwrap().state.low.is_nan(),
+        "two states say nothing of others"
+    );
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(20))]
 
@@ -73,7 +103,7 @@ proptest! {
     fn the_split_is_the_formula(seed in any::<u64>(), states in 2_u32..5, distractors in 2_u32..5) {
         let mut rng = generator(seed);
         let rows = Rows::new(states, distractors, 2, |_, _, _| (0..3).map(|_| rng.random_range(-1.0..1.0)).collect());
-        let split = variance(&Grid::new(rows.table()).unwrap(), &mut generator(0)).unwrap();
+        let split = variance(&Grid::new(rows.table()).unwrap()).unwrap();
         let (n, m) = (states as usize, distractors as usize);
         let z = |i: usize, j: usize, t: usize, d: usize| f64::from(rows.values[((i * m + j) * 2 + t) * 3 + d]);
         let (mut state, mut distractor, mut interaction) = (0.0, 0.0, 0.0);
@@ -130,7 +160,7 @@ fn the_answer_does_not_depend_on_the_order_of_rows() {
     reversed.step = rows.step.iter().rev().copied().collect();
     reversed.state = rows.state.iter().rev().copied().collect();
     reversed.distractor = rows.distractor.iter().rev().copied().collect();
-    let split = |rows: &Rows| variance(&Grid::new(rows.table()).unwrap(), &mut generator(0)).unwrap();
+    let split = |rows: &Rows| variance(&Grid::new(rows.table()).unwrap()).unwrap();
     assert_eq!(split(&rows), split(&reversed));
 }
 
@@ -146,8 +176,17 @@ fn holes_are_an_error_or_leave_out_their_states() {
     assert!(Grid::new(full.table()).is_ok());
     let refused = Grid::new(holed.table());
     assert!(matches!(refused, Err(Error::GridHoles { state: 2, distractor: 1, missing: 1, cells: 12 })));
-    let grid = Grid::of_complete_states(holed.table()).unwrap();
-    assert_eq!((grid.states(), grid.dropped()), (&[0, 1, 3][..], &[2][..]));
+    let grid = Grid::of_complete_part(holed.table()).unwrap();
+    assert_eq!((grid.states(), &grid.dropped().states[..]), (&[0, 1, 3][..], &[2][..]));
+    // A cell missing from every state and every distractor: half of each is left.
+    let mut diagonal = Rows::new(6, 6, 2, |i, j, t| vec![i as f32, j as f32, t as f32]);
+    for row in 0..diagonal.state.len() {
+        if diagonal.state[row] == diagonal.distractor[row] {
+            diagonal.state[row] = None;
+        }
+    }
+    let grid = Grid::of_complete_part(diagonal.table()).unwrap();
+    assert_eq!((grid.states().len(), grid.distractors().len()), (3, 3));
     let no_grid = Table::new(3, &full.values, &full.episode, &full.step).unwrap();
     assert!(matches!(Grid::new(no_grid), Err(Error::NoGrid)));
     let row = Rows::new(1, 3, 5, |_, j, t| vec![j as f32, t as f32]);

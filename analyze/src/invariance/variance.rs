@@ -11,13 +11,12 @@
 //! holds what the distractor does to some states and not to others, and all noise. Latents that do not depend on the cell at all
 //! still give the state (N - 1) / (NM - 1), so read the shares beside that.
 
-use rand::Rng;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::Grid;
 use crate::Error;
-use crate::intervals::{Interval, bootstrap};
+use crate::intervals::{Interval, crossed_share};
 
 /// Shares of the latents' variance. The first three add up to 1.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -50,35 +49,25 @@ pub struct StepShares {
     pub interaction: f64,
 }
 
-/// Split the variance of a grid's latents.
+/// Split the variance of a grid's latents. Intervals are over both kinds of trajectories: each is left out in turn (see [`crossed_share`]);
+/// none with fewer than three states or distractors.
 ///
 /// # Errors
 /// All latents equal.
-pub fn variance(grid: &Grid<'_>, rng: &mut impl Rng) -> Result<VarianceSplit, Error> {
+pub fn variance(grid: &Grid<'_>) -> Result<VarianceSplit, Error> {
     let mean = grand_mean(grid);
-    let steps: Vec<Products> =
-        (0..grid.steps().len()).into_par_iter().map(|step| Products::at(grid, step, &mean)).collect();
-    let (states, distractors) = (grid.states().len(), grid.distractors().len());
-    let mut all = Products::zero(states);
+    let steps: Vec<LeftOut<Sums>> =
+        (0..grid.steps().len()).into_par_iter().map(|step| split_at(grid, step, &mean)).collect();
+    let mut all = LeftOut::zero(grid);
     steps.iter().for_each(|step| all.add(step));
-    let ones = vec![1.0; states];
-    let whole = all.sums(&ones, distractors);
-    let outer = overall(grid, &mean);
-    if whole.state + whole.distractor + whole.interaction == 0.0 {
+    let whole = all.whole;
+    if whole.total() <= 0.0 {
         return Err(Error::Constant { what: "the invariance split", rows: grid.table().rows() });
     }
-    let mut interval = |share: fn(Sums) -> f64| bootstrap(states, rng, |counts| share(all.sums(counts, distractors)));
-    let state = interval(|sums| sums.state / sums.total());
-    let distractor = interval(|sums| sums.distractor / sums.total());
-    let interaction = interval(|sums| sums.interaction / sums.total());
-    let within = |counts: &[f64]| {
-        let sums = all.sums(counts, distractors);
-        (sums.distractor + sums.interaction) / outer.sum(counts)
-    };
-    let within_state = bootstrap(states, rng, within);
-    let shares = |(step, products): (&u32, &Products)| {
-        let sums = products.sums(&ones, distractors);
-        let total = sums.total();
+    let overall = overall(grid, &mean);
+    let interval = |share: fn(&Sums) -> f64| all.share(&all, share, Sums::total);
+    let shares = |(step, sums): (&u32, &LeftOut<Sums>)| {
+        let (sums, total) = (sums.whole, sums.whole.total());
         StepShares {
             step: *step,
             state: sums.state / total,
@@ -86,13 +75,19 @@ pub fn variance(grid: &Grid<'_>, rng: &mut impl Rng) -> Result<VarianceSplit, Er
             interaction: sums.interaction / total,
         }
     };
-    let by_step = grid.steps().iter().zip(&steps).map(shares).collect();
-    let state_of_noise = (states as f64 - 1.0) / ((states * distractors) as f64 - 1.0);
-    Ok(VarianceSplit { state, distractor, interaction, within_state, by_step, state_of_noise })
+    let (states, distractors) = (grid.states().len() as f64, grid.distractors().len() as f64);
+    Ok(VarianceSplit {
+        state: interval(|sums| sums.state),
+        distractor: interval(|sums| sums.distractor),
+        interaction: interval(|sums| sums.interaction),
+        within_state: all.share(&overall, |sums| sums.distractor + sums.interaction, |total| *total),
+        by_step: grid.steps().iter().zip(&steps).map(shares).collect(),
+        state_of_noise: (states - 1.0) / (states * distractors - 1.0),
+    })
 }
 
 /// Sums of squares.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     state: f64,
     distractor: f64,
@@ -100,97 +95,170 @@ struct Sums {
 }
 
 impl Sums {
-    fn total(self) -> f64 {
+    /// From `Σ_i |Σ_j z_ij|²`, `Σ_j |Σ_i z_ij|²`, `|Σ_ij z_ij|²` and `Σ_ij |z_ij|²`.
+    fn of(states: f64, distractors: f64, rows: f64, columns: f64, all: f64, squares: f64) -> Self {
+        let mean = all / (states * distractors);
+        let (state, distractor) = ((rows / distractors - mean).max(0.0), (columns / states - mean).max(0.0));
+        Self { state, distractor, interaction: (squares - mean - state - distractor).max(0.0) }
+    }
+
+    fn total(&self) -> f64 {
         self.state + self.distractor + self.interaction
     }
 }
 
-/// All the split needs, as products between state trajectories: states can then be drawn again without the latents.
-struct Products {
-    states: usize,
-    /// `z_i. · z_k.`, `[states, states]`.
-    means: Vec<f64>,
-    /// `Σ_j (z_ij - z_i.) · (z_kj - z_k.)`, `[states, states]`.
-    deviations: Vec<f64>,
+/// A quantity of the whole grid, and of the grid without each of its state and distractor trajectories.
+struct LeftOut<T> {
+    whole: T,
+    /// `[states]`.
+    states: Vec<T>,
+    /// `[distractors]`.
+    distractors: Vec<T>,
 }
 
-impl Products {
-    fn zero(states: usize) -> Self {
-        Self { states, means: vec![0.0; states * states], deviations: vec![0.0; states * states] }
+impl<T> LeftOut<T> {
+    /// `part` of this over `total` of the other, with its interval.
+    fn share<U>(&self, other: &LeftOut<U>, part: impl Fn(&T) -> f64, total: impl Fn(&U) -> f64) -> Interval {
+        let ratios = |parts: &[T], totals: &[U]| -> Vec<f64> {
+            parts.iter().zip(totals).map(|(a, b)| part(a) / total(b)).collect()
+        };
+        let without = [ratios(&self.states, &other.states), ratios(&self.distractors, &other.distractors)];
+        crossed_share(part(&self.whole) / total(&other.whole), [&without[0], &without[1]])
     }
+}
 
-    fn at(grid: &Grid<'_>, step: usize, centre: &[f64]) -> Self {
-        let (states, distractors, dims) = (grid.states().len(), grid.distractors().len(), centre.len());
-        let mut means = vec![vec![0.0; dims]; states];
-        let mut deviations = vec![vec![0.0; distractors * dims]; states];
-        for state in 0..states {
-            for distractor in 0..distractors {
-                let latent = grid.table().row(grid.row(state, distractor, step));
-                for dim in 0..dims {
-                    let z = f64::from(latent[dim]) - centre[dim];
-                    deviations[state][distractor * dims + dim] = z;
-                    means[state][dim] += z / distractors as f64;
-                }
-            }
-            let mean = &means[state];
-            deviations[state]
-                .chunks_exact_mut(dims)
-                .for_each(|z| z.iter_mut().zip(mean).for_each(|(z, mean)| *z -= mean));
+impl LeftOut<Sums> {
+    fn zero(grid: &Grid<'_>) -> Self {
+        let zeros = |count: usize| vec![Sums::default(); count];
+        Self {
+            whole: Sums::default(),
+            states: zeros(grid.states().len()),
+            distractors: zeros(grid.distractors().len()),
         }
-        Self { states, means: gram(&means), deviations: gram(&deviations) }
     }
 
     fn add(&mut self, other: &Self) {
-        self.means.iter_mut().zip(&other.means).for_each(|(sum, x)| *sum += x);
-        self.deviations.iter_mut().zip(&other.deviations).for_each(|(sum, x)| *sum += x);
-    }
-
-    /// The split with state i taken `counts[i]` times.
-    fn sums(&self, counts: &[f64], distractors: usize) -> Sums {
-        let total: f64 = counts.iter().sum();
-        let state = distractors as f64 * (diagonal(&self.means, counts) - quadratic(&self.means, counts) / total);
-        let within = diagonal(&self.deviations, counts);
-        // N Σ_j |mean over i of (z_ij - z_i.)|²
-        let distractor = quadratic(&self.deviations, counts) / total;
-        debug_assert_eq!(self.states, counts.len());
-        Sums { state: state.max(0.0), distractor, interaction: (within - distractor).max(0.0) }
+        let add = |sum: &mut Sums, more: &Sums| {
+            sum.state += more.state;
+            sum.distractor += more.distractor;
+            sum.interaction += more.interaction;
+        };
+        add(&mut self.whole, &other.whole);
+        self.states.iter_mut().zip(&other.states).for_each(|(sum, more)| add(sum, more));
+        self.distractors.iter_mut().zip(&other.distractors).for_each(|(sum, more)| add(sum, more));
     }
 }
 
-/// What the sum of squares over all rows of all steps needs.
-struct Overall {
-    /// `Σ |z|²` of each state's rows.
+/// The sums of one step, of the whole grid and without each trajectory: all from the sums over rows, columns and the grid.
+fn split_at(grid: &Grid<'_>, step: usize, centre: &[f64]) -> LeftOut<Sums> {
+    let (states, distractors, dims) = (grid.states().len(), grid.distractors().len(), centre.len());
+    let (n, m) = (states as f64, distractors as f64);
+    let mut cells = Vec::with_capacity(states * distractors * dims);
+    for (state, distractor) in grid_cells(grid) {
+        let latent = grid.table().row(grid.row(state, distractor, step));
+        cells.extend(latent.iter().zip(centre).map(|(&z, centre)| f64::from(z) - centre));
+    }
+    let cell = |state: usize, distractor: usize| {
+        let at = (state * distractors + distractor) * dims;
+        &cells[at..at + dims]
+    };
+    let rows = Totals::new(states, dims, |state| (0..distractors).map(move |j| (state, j)), &cell);
+    let columns = Totals::new(distractors, dims, |distractor| (0..states).map(move |i| (i, distractor)), &cell);
+    let all = rows.sums.iter().fold(vec![0.0; dims], |all, row| plus(all, row));
+    let squares: f64 = rows.squares.iter().sum();
+    let whole = Sums::of(n, m, rows.norms(), columns.norms(), norm(&all), squares);
+    let without_state = |state: usize| {
+        let row = &rows.sums[state];
+        let columns = (0..distractors).map(|j| apart(&columns.sums[j], cell(state, j))).sum();
+        Sums::of(n - 1.0, m, rows.norms() - norm(row), columns, apart(&all, row), squares - rows.squares[state])
+    };
+    let without_distractor = |distractor: usize| {
+        let column = &columns.sums[distractor];
+        let rows = (0..states).map(|i| apart(&rows.sums[i], cell(i, distractor))).sum();
+        let squares = squares - columns.squares[distractor];
+        Sums::of(n, m - 1.0, rows, columns.norms() - norm(column), apart(&all, column), squares)
+    };
+    LeftOut {
+        whole,
+        states: (0..states).map(without_state).collect(),
+        distractors: (0..distractors).map(without_distractor).collect(),
+    }
+}
+
+fn grid_cells(grid: &Grid<'_>) -> impl Iterator<Item = (usize, usize)> + use<> {
+    let (states, distractors) = (grid.states().len(), grid.distractors().len());
+    (0..states).flat_map(move |state| (0..distractors).map(move |distractor| (state, distractor)))
+}
+
+/// Sums of the latents along each row or column of the grid, and of their squares.
+struct Totals {
+    sums: Vec<Vec<f64>>,
     squares: Vec<f64>,
-    /// Products of the states' sums, `[states, states]`.
-    sums: Vec<f64>,
-    rows_per_state: f64,
 }
 
-impl Overall {
-    fn sum(&self, counts: &[f64]) -> f64 {
-        let rows = self.rows_per_state * counts.iter().sum::<f64>();
-        let squares: f64 = self.squares.iter().zip(counts).map(|(x, count)| x * count).sum();
-        squares - quadratic(&self.sums, counts) / rows
+impl Totals {
+    fn new<'c, I: Iterator<Item = (usize, usize)>>(
+        lines: usize,
+        dims: usize,
+        cells_of: impl Fn(usize) -> I,
+        cell: &impl Fn(usize, usize) -> &'c [f64],
+    ) -> Self {
+        let sum = |line: usize| cells_of(line).fold(vec![0.0; dims], |sum, (i, j)| plus(sum, cell(i, j)));
+        let squares = |line: usize| cells_of(line).map(|(i, j)| norm(cell(i, j))).sum();
+        Self { sums: (0..lines).map(sum).collect(), squares: (0..lines).map(squares).collect() }
+    }
+
+    fn norms(&self) -> f64 {
+        self.sums.iter().map(|sum| norm(sum)).sum()
     }
 }
 
-fn overall(grid: &Grid<'_>, centre: &[f64]) -> Overall {
-    let (distractors, steps) = (grid.distractors().len(), grid.steps().len());
-    let of_state = |state: usize| {
-        let (mut squares, mut sum) = (0.0, vec![0.0; centre.len()]);
-        for (distractor, step) in (0..distractors).flat_map(|distractor| (0..steps).map(move |step| (distractor, step)))
-        {
+fn plus(mut sum: Vec<f64>, more: &[f64]) -> Vec<f64> {
+    sum.iter_mut().zip(more).for_each(|(sum, x)| *sum += x);
+    sum
+}
+
+fn norm(vector: &[f64]) -> f64 {
+    vector.iter().map(|x| x * x).sum()
+}
+
+/// `|a - b|²`.
+fn apart(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+/// Sums of squares of all rows of all steps about their mean.
+fn overall(grid: &Grid<'_>, centre: &[f64]) -> LeftOut<f64> {
+    let (states, distractors, dims) = (grid.states().len(), grid.distractors().len(), centre.len());
+    let steps = grid.steps().len();
+    let of_cell = |(state, distractor): (usize, usize)| {
+        let (mut squares, mut sum) = (0.0, vec![0.0; dims]);
+        for step in 0..steps {
             let latent = grid.table().row(grid.row(state, distractor, step));
-            for dim in 0..centre.len() {
-                let z = f64::from(latent[dim]) - centre[dim];
+            for ((sum, &z), centre) in sum.iter_mut().zip(latent).zip(centre) {
+                let z = f64::from(z) - centre;
                 squares += z * z;
-                sum[dim] += z;
+                *sum += z;
             }
         }
         (squares, sum)
     };
-    let (squares, sums): (Vec<f64>, Vec<Vec<f64>>) = (0..grid.states().len()).into_par_iter().map(of_state).unzip();
-    Overall { squares, sums: gram(&sums), rows_per_state: (distractors * steps) as f64 }
+    let cells: Vec<(usize, usize)> = grid_cells(grid).collect();
+    let of_cells: Vec<(f64, Vec<f64>)> = cells.par_iter().map(|&cell| of_cell(cell)).collect();
+    let over = |kept: &dyn Fn(usize, usize) -> bool| {
+        let (mut count, mut squares, mut sum) = (0.0, 0.0, vec![0.0; dims]);
+        for (_, cell) in cells.iter().zip(&of_cells).filter(|((i, j), _)| kept(*i, *j)) {
+            count += steps as f64;
+            squares += cell.0;
+            sum = plus(sum, &cell.1);
+        }
+        squares - norm(&sum) / count
+    };
+    LeftOut {
+        whole: over(&|_, _| true),
+        states: (0..states).map(|out| over(&|i, _| i != out)).collect(),
+        distractors: (0..distractors).map(|out| over(&|_, j| j != out)).collect(),
+    }
 }
 
 /// Taken off every latent first: sums of squares of numbers near 0 keep their digits.
@@ -200,18 +268,4 @@ fn grand_mean(grid: &Grid<'_>) -> Vec<f64> {
         sum.iter_mut().zip(grid.table().row(row)).for_each(|(sum, &z)| *sum += f64::from(z));
     }
     sum.iter().map(|sum| sum / grid.rows.len() as f64).collect()
-}
-
-fn gram(vectors: &[Vec<f64>]) -> Vec<f64> {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    vectors.iter().flat_map(|a| vectors.iter().map(move |b| dot(a, b))).collect()
-}
-
-fn diagonal(matrix: &[f64], counts: &[f64]) -> f64 {
-    counts.iter().enumerate().map(|(i, count)| count * matrix[i * counts.len() + i]).sum()
-}
-
-fn quadratic(matrix: &[f64], counts: &[f64]) -> f64 {
-    let line = |row: &[f64]| row.iter().zip(counts).map(|(x, count)| x * count).sum::<f64>();
-    matrix.chunks_exact(counts.len()).zip(counts).map(|(row, count)| count * line(row)).sum()
 }

@@ -14,6 +14,8 @@ use super::{Column, write_table};
 const RECIPE: &str = "vibes.map";
 /// Metadata key of the map's quality, as JSON.
 const QUALITY: &str = "vibes.quality";
+/// Metadata key of the path of the latents that the map is of.
+const LATENTS: &str = "vibes.latents";
 
 /// A map with its row keys.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +30,8 @@ pub struct MapTable {
     pub recipe: String,
     /// Its quality, as JSON.
     pub quality: String,
+    /// The path of its latents, as it was named.
+    pub latents: String,
 }
 
 impl MapTable {
@@ -39,7 +43,8 @@ impl MapTable {
         let axis = |d: usize| Column::Float32(self.positions.iter().map(|p| p[d]).collect());
         let keys = [("episode", Column::UInt32(self.episode.clone())), ("step", Column::UInt32(self.step.clone()))];
         let columns: Vec<_> = keys.into_iter().chain([("x", axis(0)), ("y", axis(1))]).collect();
-        write_table(path, &columns, &[(RECIPE, self.recipe.clone()), (QUALITY, self.quality.clone())])
+        let about = [(RECIPE, self.recipe.clone()), (QUALITY, self.quality.clone()), (LATENTS, self.latents.clone())];
+        write_table(path, &columns, &about)
     }
 
     /// Reads a map back; none if there is no readable one.
@@ -47,8 +52,8 @@ impl MapTable {
     pub fn read(path: &Path) -> Option<Self> {
         let reader = FileReader::try_new(File::open(path).ok()?, None).ok()?;
         let named = |key: &str| reader.schema().metadata().get(key).cloned().unwrap_or_default();
-        let (recipe, quality) = (named(RECIPE), named(QUALITY));
-        let mut map = Self { episode: Vec::new(), step: Vec::new(), positions: Vec::new(), recipe, quality };
+        let (recipe, quality, latents) = (named(RECIPE), named(QUALITY), named(LATENTS));
+        let mut map = Self { episode: Vec::new(), step: Vec::new(), positions: Vec::new(), recipe, quality, latents };
         for batch in reader {
             let batch = batch.ok()?;
             let keys =
@@ -77,6 +82,7 @@ mod tests {
             positions: vec![[1.5, -2.0], [0.0, 0.25], [3.0, 9.0]],
             recipe: "umap".into(),
             quality: "{}".into(),
+            latents: "runs/a/latents.arrow".into(),
         };
         map.write(&path).expect("written");
         assert_eq!(MapTable::read(&path), Some(map));

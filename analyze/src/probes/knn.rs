@@ -5,7 +5,7 @@ use rand::seq::index;
 
 use super::ProbeOptions;
 use super::quantity::Targets;
-use crate::neighbours::{Exclude, Neighbours, Space, nearest};
+use crate::neighbours::{Exclude, Neighbours, Space, bounded_queries, nearest};
 use crate::{Error, Table};
 
 /// Rows to predict, and their neighbours in other folds: found once for all quantities.
@@ -22,11 +22,8 @@ impl Neighbourhoods {
         rng: &mut impl Rng,
     ) -> Result<Self, Error> {
         let count = table.rows();
-        let mut rows = if count > options.knn_rows {
-            index::sample(rng, count, options.knn_rows).into_vec()
-        } else {
-            (0..count).collect()
-        };
+        let most = bounded_queries(options.knn_rows, count);
+        let mut rows = if count > most { index::sample(rng, count, most).into_vec() } else { (0..count).collect() };
         rows.sort_unstable();
         let space = Space::new(*table, options.metric)?;
         let near = nearest(&space, &rows, options.neighbours, Exclude::Group(fold))?;

@@ -26,14 +26,14 @@ pub(super) fn blueprint(scene: &Scene<'_>) -> Blueprint {
         shares.push(1.6);
     }
     rows.push(Horizontal::new(curves(scene)).into());
-    shares.push(1.4);
+    shares.push(1.8);
     rows.insert(0, Horizontal::new(above).into());
     Blueprint::new(Vertical::new(rows).with_row_shares(shares))
         .with_auto_layout(false)
         .with_auto_views(false)
         .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
         .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
-        .with_time_panel(TimePanel::new().with_state(PanelState::Expanded).with_timeline(TIMELINE))
+        .with_time_panel(TimePanel::new().with_state(PanelState::Collapsed).with_timeline(TIMELINE))
 }
 
 fn curves(scene: &Scene<'_>) -> Vec<ContainerLike> {

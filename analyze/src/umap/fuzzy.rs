@@ -126,7 +126,9 @@ fn bandwidth(distances: &[f64], rho: f64, mean_of_all: f64) -> f64 {
     let target = ((distances.len() + 1) as f64).log2();
     let total =
         |sigma: f64| distances.iter().map(|d| if d > &rho { (-(d - rho) / sigma).exp() } else { 1.0 }).sum::<f64>();
-    let (mut low, mut high, mut sigma) = (0.0, f64::INFINITY, 1.0);
+    // Begins at the distances' own scale, so that any unit of the latents is as good.
+    let own_mean = distances.iter().sum::<f64>() / (distances.len() + 1) as f64;
+    let (mut low, mut high, mut sigma) = (0.0, f64::INFINITY, if own_mean > 0.0 { own_mean } else { 1.0 });
     for _ in 0..64 {
         let sum = total(sigma);
         if (sum - target).abs() < 1e-5 {
@@ -140,6 +142,5 @@ fn bandwidth(distances: &[f64], rho: f64, mean_of_all: f64) -> f64 {
             sigma = if high.is_infinite() { sigma * 2.0 } else { f64::midpoint(low, high) };
         }
     }
-    let own_mean = distances.iter().sum::<f64>() / (distances.len() + 1) as f64;
     sigma.max(1e-3 * if rho > 0.0 { own_mean } else { mean_of_all })
 }

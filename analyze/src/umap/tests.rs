@@ -40,6 +40,25 @@ fn is_as_good_as_the_reference_on_its_golden_points() {
     });
 }
 
+/// Two of umap-learn's own test sets; its means over the seeds 0, 1 and 2 are in `tests/golden/README.md`.
+#[test]
+fn is_as_good_as_the_reference_on_its_usual_sets() {
+    let iris = include_bytes!("../../tests/golden/iris.f32");
+    let iris: Vec<f32> = iris.as_chunks::<4>().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect();
+    let digits: Vec<f32> = include_bytes!("../../tests/golden/digits-500.u8").iter().map(|&x| f32::from(x)).collect();
+    for (name, values, dims, trustworthiness, kept) in
+        [("iris", iris, 4, 0.9793, 0.7502), ("digits", digits, 64, 0.9868, 0.6994)]
+    {
+        with_space(&values, dims, |space| {
+            let of_seed = |seed| measured(space, &umap(space, UmapOptions::default(), &mut generator(seed)).unwrap());
+            let found = [0, 1, 2].map(of_seed);
+            let mean = |of: fn(&Quality) -> f64| found.iter().map(of).sum::<f64>() / 3.0;
+            let ours = (mean(|q| q.trustworthiness), mean(|q| q.kept));
+            assert!(ours.0 > trustworthiness - 0.002 && ours.1 > kept - 0.01, "{name}: {ours:?}");
+        });
+    }
+}
+
 #[test]
 fn depends_on_data_and_seed_and_not_on_threads() {
     let values = &golden()[..600 * 32];
@@ -62,6 +81,18 @@ fn a_graph_is_laid_out_again_without_searching() {
         let loose = umap_of_graph(space.table(), &graph, UmapOptions { min_dist: 0.9, ..options }, &mut generator(4));
         assert_ne!(again, loose.unwrap());
     });
+}
+
+/// Latents in another unit have the same neighbourhoods: quality does not depend on it.
+#[test]
+fn the_unit_of_the_latents_does_not_matter() {
+    for unit in [1e-30_f32, 1.0, 1e30] {
+        let values: Vec<f32> = golden()[..500 * 32].iter().map(|x| x * unit).collect();
+        with_space(&values, 32, |space| {
+            let quality = measured(space, &umap(space, UmapOptions::default(), &mut generator(0)).unwrap());
+            assert!(quality.trustworthiness > 0.99, "unit {unit}: {quality:?}");
+        });
+    }
 }
 
 fn finite(map: &[Position]) -> bool {

@@ -6,7 +6,7 @@
 use rand::Rng;
 
 use super::{Curve, Descent, Position, UmapOptions, fuzzy};
-use crate::neighbours::{Space, nearest_to};
+use crate::neighbours::{Neighbours, Space, nearest_to};
 use crate::{Error, Table};
 
 /// Positions of `new` on the map `positions` of the space's rows.
@@ -21,14 +21,53 @@ pub fn transform(
     rng: &mut impl Rng,
 ) -> Result<Vec<Position>, Error> {
     options.check()?;
+    let (neighbours, memberships) = nearest_old(space, positions, new, options.neighbours)?;
+    let mut placed = means(&neighbours, &memberships, positions);
+    let descent = Descent {
+        curve: Curve::fit(options.min_dist, options.spread),
+        epochs: options.epochs(positions.len()) / 3,
+        rate: 0.25,
+        negative_samples: options.negative_samples,
+        seed: rng.random(),
+    };
+    descent.place(&neighbours, &memberships, positions, &mut placed);
+    Ok(placed)
+}
+
+/// Positions of `new` among their `k` nearest rows on any map of the space's rows: the mean of theirs, weighted by membership.
+///
+/// # Errors
+/// As [`transform`].
+pub fn among_neighbours(
+    space: &Space<'_>,
+    positions: &[Position],
+    new: &Table<'_>,
+    k: usize,
+) -> Result<Vec<Position>, Error> {
+    let (neighbours, memberships) = nearest_old(space, positions, new, k)?;
+    Ok(means(&neighbours, &memberships, positions))
+}
+
+/// The old rows nearest to each new one, and how strongly each belongs to its neighbourhood, `[new, k]`.
+fn nearest_old(
+    space: &Space<'_>,
+    positions: &[Position],
+    new: &Table<'_>,
+    k: usize,
+) -> Result<(Neighbours, Vec<f32>), Error> {
     let rows = space.table().rows();
     if positions.len() != rows {
         return Err(Error::Length { what: "map", expected: rows, found: positions.len() });
     }
-    let neighbours = nearest_to(space, new, options.neighbours.min(rows))?;
+    let neighbours = nearest_to(space, new, k.min(rows))?;
     let memberships = fuzzy::memberships(&neighbours);
+    Ok((neighbours, memberships))
+}
+
+/// The mean position of each query's neighbours, weighted by membership.
+fn means(neighbours: &Neighbours, memberships: &[f32], positions: &[Position]) -> Vec<Position> {
     let k = neighbours.k();
-    let start = |query: usize| {
+    let mean = |query: usize| {
         let weights = &memberships[query * k..(query + 1) * k];
         let total: f32 = weights.iter().sum();
         let near = neighbours.rows(query).iter().zip(weights);
@@ -38,14 +77,5 @@ pub fn transform(
         };
         near.fold([0.0; 2], add)
     };
-    let mut placed: Vec<Position> = (0..new.rows()).map(start).collect();
-    let descent = Descent {
-        curve: Curve::fit(options.min_dist, options.spread),
-        epochs: options.epochs(rows) / 3,
-        rate: 0.25,
-        negative_samples: options.negative_samples,
-        seed: rng.random(),
-    };
-    descent.place(&neighbours, &memberships, positions, &mut placed);
-    Ok(placed)
+    (0..neighbours.queries()).map(mean).collect()
 }
