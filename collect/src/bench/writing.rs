@@ -122,8 +122,16 @@ pub fn writing_rate(task: &str, pictures: RenderSettings, threads: usize, folder
     let mcap = mcap_bytes(&episode, &manifest.spec, entry)?;
     let seconds_arrow = write_again(&path.join("tables"), manifest, &episode, &info, false)?;
     let seconds_both = write_again(&path.join("both"), manifest, &episode, &info, true)?;
-    let encode_mcap = fastest(3, || Ok(drop(std::hint::black_box(mcap_bytes(&episode, &manifest.spec, entry)?))))?;
-    let checksum = |bytes: &[u8]| fastest(3, || Ok(drop(std::hint::black_box(sha256_hex(bytes)))));
+    let encode_mcap = fastest(3, || {
+        std::hint::black_box(mcap_bytes(&episode, &manifest.spec, entry)?);
+        Ok(())
+    })?;
+    let checksum = |bytes: &[u8]| {
+        fastest(3, || {
+            std::hint::black_box(sha256_hex(bytes));
+            Ok(())
+        })
+    };
     let write = |bytes: &[u8]| fastest(3, || Ok(write_atomically(&path.join("plain-bytes"), bytes)?));
     let (sum_arrow, sum_mcap) = (checksum(&arrow)?, checksum(&mcap)?);
     let (write_arrow, write_mcap) = (write(&arrow)?, write(&mcap)?);
