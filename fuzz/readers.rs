@@ -33,7 +33,7 @@ pub(crate) struct Reader {
 }
 
 /// All of them.
-pub(crate) const READERS: [Reader; 12] = [
+pub(crate) const READERS: [Reader; 14] = [
     Reader { name: "manifest", file: "recording/manifest.json", read: manifest },
     Reader { name: "episode", file: "recording/episodes/000000.arrow", read: episode },
     Reader { name: "log", file: "recording/episodes/000000.mcap", read: log },
@@ -45,6 +45,8 @@ pub(crate) const READERS: [Reader; 12] = [
     Reader { name: "minari_arrow", file: "arrow-v0/data/1/part-0.arrow", read: minari_table },
     Reader { name: "minari_hdf5", file: "hdf5-v0/data/main_data.hdf5", read: minari },
     Reader { name: "minari_jpeg", file: "jpeg-v0/data/0/part-0.arrow", read: minari_table },
+    Reader { name: "exported_metadata", file: "exported-v0/data/metadata.json", read: minari },
+    Reader { name: "exported_table", file: "exported-v0/data/0/part-0.arrow", read: minari_table },
     Reader { name: "trace", file: "trace.json", read: trace },
 ];
 

@@ -1,5 +1,5 @@
 //! Some of a recording's episodes as a recording of their own. They keep their numbers and their cells, so that their files are linked as they are,
-//! a table of latents of the whole fits its parts, and parts can be joined to the whole again.
+//! rows of a table of latents of the whole have the same keys in its parts, and parts can be joined to the whole again.
 
 use std::fmt;
 use std::path::Path;
