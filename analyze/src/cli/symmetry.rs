@@ -293,7 +293,7 @@ fn sheet(session: &Session, rows: &Rows, measured: &Symmetry) -> NeighbourSheet 
     };
     NeighbourSheet {
         heading: session.heading("A row, a rotation of its state (1), a picture as different (2)"),
-        distance: "standardized L2 distance to the row on top".into(),
+        distance: "standardized L2 distance".into(),
         columns: pairs.iter().take(SHOWN).map(column).collect(),
     }
 }
