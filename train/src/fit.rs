@@ -7,12 +7,13 @@ use burn::tensor::Device;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
-use vibes_data::Recording;
+use vibes_data::{Recording, WindowBatch};
 use vibes_model::Model;
 
 use crate::batch::Batch;
 use crate::error::{Result, TrainError};
 use crate::evaluate::{GapOptions, Gaps, Report, evaluate, gaps};
+use crate::hearing::{Hearing, own_log_likelihood};
 use crate::metrics::{Averages, MetricsFile, Row};
 use crate::options::Options;
 use crate::run::{Run, State};
@@ -112,7 +113,13 @@ pub fn fit(
         Some(resumed) => resumed,
         None => (
             first_learner(run, recordings, device)?,
-            State { update: 0, optimizer_steps: 0, adversary_optimizer_steps: 0, seconds: 0.0 },
+            State {
+                update: 0,
+                optimizer_steps: 0,
+                adversary_optimizer_steps: 0,
+                seconds: 0.0,
+                hearing: Hearing::default(),
+            },
         ),
     };
     if state.update >= options.updates || out_of_time(options, state.seconds) {
@@ -122,6 +129,7 @@ pub fn fit(
     let metrics = MetricsFile::open(&run.metrics_path(), state.update)?;
     let evaluations = held_out.map(|_| MetricsFile::open(&run.evaluations_path(), state.update)).transpose()?;
     let events = EventFile::begin(run.path(), state.update)?;
+    let reward_baseline = own_log_likelihood(&calibration(recordings, options)?.rewards, options.reward_floor);
     std::thread::scope(|scope| {
         let batches = Prefetch::start(scope, &windows, options.seed, state.update..options.updates);
         let mut training = Training {
@@ -131,6 +139,7 @@ pub fn fit(
             batches,
             metrics,
             events,
+            reward_baseline,
             recordings,
             held_out,
             evaluations,
@@ -148,6 +157,7 @@ struct Training<'a> {
     batches: Prefetch,
     metrics: MetricsFile,
     events: EventFile,
+    reward_baseline: f64,
     recordings: &'a [Recording],
     held_out: Option<&'a HeldOut>,
     evaluations: Option<MetricsFile>,
@@ -192,13 +202,16 @@ impl Training<'_> {
         let device = self.device.clone().autodiff();
         let batch = Batch::new(&windows, &learner.model.config, self.options.burn_in, &device)?;
         let mut noise = update_rng(self.options.seed, number, Purpose::Noise);
-        let made = learner.update(&batch, self.options.schedule(number), self.options, &mut noise);
+        self.state.hearing = self.state.hearing.before(number, self.options);
+        let schedule = self.options.schedule(number, self.state.hearing.since);
+        let made = learner.update(&batch, schedule, self.options, &mut noise);
         let (learner, measures) = made.map_err(|error| match error {
             TrainError::NotFinite { what, value } => {
                 TrainError::Diverged { update: number + 1, what, value, run: self.run.path().to_owned() }
             }
             other => other,
         })?;
+        self.state.hearing = self.state.hearing.after(f64::from(measures.reward), self.reward_baseline);
         self.averages.add(measures, (windows.length * windows.batch) as u64, begun.elapsed(), waited);
         self.state.update += 1;
         self.state.seconds += begun.elapsed().as_secs_f64();
@@ -258,12 +271,17 @@ fn first_learner(run: &Run, recordings: &[Recording], device: &Device) -> Result
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut model = Model::init(run.info().model.clone(), &mut rng, device)?;
     if options.calibrate {
-        let windows = Windows::new(recordings, options.length, CALIBRATION_WINDOWS)?;
-        let windows = windows.sample(&mut update_rng(options.seed, 0, Purpose::Calibration));
+        let windows = calibration(recordings, options)?;
         let batch = Batch::new(&windows, &model.config, options.burn_in, device)?;
         model = model.calibrated(batch.frames, batch.previous_actions, &windows.rewards)?;
     }
     Ok(Learner::new(model, options, device))
+}
+
+/// The windows that set the first scales.
+fn calibration(recordings: &[Recording], options: &Options) -> Result<WindowBatch> {
+    let windows = Windows::new(recordings, options.length, CALIBRATION_WINDOWS)?;
+    Ok(windows.sample(&mut update_rng(options.seed, 0, Purpose::Calibration)))
 }
 
 fn out_of_time(options: &Options, seconds: f64) -> bool {

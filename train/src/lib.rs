@@ -6,6 +6,7 @@
 //! | [`windows`], [`batch`] | windows gathered ahead of time, and as tensors |
 //! | [`objective`] | what is maximised: `vibes`, `no-adversary`, `reconstruction` |
 //! | [`update`], [`optimizer`] | one update of Algorithm 1, Adam |
+//! | [`hearing`] | when the encoder begins to hear the dynamics term |
 //! | [`prepare`], [`fit`] | the run folder begun or found; the one loop |
 //! | [`run`], [`metrics`], [`spectrum`] | the run folder, its numbers over time |
 //! | [`mod@summary`], [`tensorboard`] | those numbers on one page, and for TensorBoard |
@@ -19,6 +20,7 @@ pub mod encode;
 pub mod error;
 pub mod evaluate;
 pub mod fit;
+pub mod hearing;
 pub mod metrics;
 pub mod objective;
 pub mod optimizer;

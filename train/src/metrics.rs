@@ -35,6 +35,9 @@ pub struct Row {
     /// Observations, up to a constant.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub reconstruction_log_likelihood: Option<f64>,
+    /// How much of the dynamics term's gradient the encoder heard.
+    #[serde(default)]
+    pub dynamics_weight: f64,
     /// Norm of the world model's gradient before it was limited.
     pub gradient_norm: f64,
     /// The encoder's part of it.
@@ -101,6 +104,7 @@ impl Averages {
             clipped_share: mean_some(&|m| m.clipped),
             reward_log_likelihood: mean(&|m| m.reward),
             reconstruction_log_likelihood: mean_some(&|m| m.reconstruction),
+            dynamics_weight: mean(&|m| m.dynamics_weight),
             gradient_norm: mean(&|m| m.gradient_norm),
             encoder_gradient_norm: mean(&|m| m.encoder_gradient_norm),
             adversary_gradient_norm: mean_some(&|m| m.adversary_gradient_norm),

@@ -57,9 +57,11 @@ pub struct Options {
     /// Weight with which the encoder hears the dynamics term; the dynamics model itself always hears it whole. At 1 from the start, as the objective is
     /// written, the latent soon ignores the picture and stays so.
     pub dynamics_weight: f64,
-    /// Updates before the encoder begins to hear the dynamics term: until then it learns from the reward alone. While the latents show nothing
-    /// yet, the dynamics term only pulls them together, and Adam makes that pull as strong as any other however small its weight.
+    /// Updates before which the encoder does not hear the dynamics term: it learns from the reward alone.
     pub dynamics_start: u64,
+    /// How many nats better than the rewards' own distribution the reward model must be before the encoder hears the dynamics term (see
+    /// [`hearing`](crate::hearing)); 0 for no such condition.
+    pub dynamics_after: f64,
     /// Updates after that over which the weight rises from zero to its value.
     pub dynamics_warmup: u64,
     /// Weight of the reward term.
@@ -171,9 +173,9 @@ impl Options {
         Ok(())
     }
 
-    /// What holds at one update.
-    pub fn schedule(&self, update: u64) -> Schedule {
-        let risen = match update.checked_sub(self.dynamics_start) {
+    /// What holds at one update, if the encoder began to hear the dynamics term at update `heard_since`.
+    pub fn schedule(&self, update: u64, heard_since: Option<u64>) -> Schedule {
+        let risen = match heard_since.and_then(|since| update.checked_sub(since)) {
             None => 0.0,
             Some(since) if since >= self.dynamics_warmup => 1.0,
             Some(since) => since as f64 / self.dynamics_warmup as f64,

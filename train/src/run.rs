@@ -28,6 +28,7 @@ use vibes_model::checkpoint::{load_tensors, save_tensors};
 use vibes_model::{Model, ModelConfig};
 
 use crate::error::{Result, TrainError, io, malformed};
+use crate::hearing::Hearing;
 use crate::metrics::read_rows;
 use crate::options::Options;
 use crate::summary::summary;
@@ -77,6 +78,9 @@ pub struct State {
     pub adversary_optimizer_steps: u64,
     /// Seconds trained, over every time the run was continued.
     pub seconds: f64,
+    /// Whether the encoder hears the dynamics term yet.
+    #[serde(default)]
+    pub hearing: Hearing,
 }
 
 /// A run folder on disk.

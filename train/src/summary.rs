@@ -38,9 +38,11 @@ fn about(page: &mut String, info: &RunInfo) {
             options.latent, options.hidden, options.depth, options.batch, options.length, options.burn_in
         ),
         format!(
-            "dynamics weight {} (rising over {} updates), reward weight {}, step sizes {} and {} (adversary), first scales {}",
+            "dynamics weight {} (rising over {} updates, from update {} and a gain of {} nats on), reward weight {}, step sizes {} and {} (adversary), first scales {}",
             options.dynamics_weight,
             options.dynamics_warmup,
+            options.dynamics_start,
+            options.dynamics_after,
             options.reward_weight,
             options.lr,
             options.adversary_lr,

@@ -50,6 +50,8 @@ pub struct Measures {
     pub reward: f32,
     /// Observations, up to a constant.
     pub reconstruction: Option<f32>,
+    /// How much of the dynamics term's gradient the encoder heard.
+    pub dynamics_weight: f32,
     /// Norm of the world model's gradient before it was limited.
     pub gradient_norm: f32,
     /// The encoder's part of it.
@@ -116,6 +118,7 @@ impl Learner {
         let value = evaluate(&self.model, batch, &latents, &predictions, adversary.as_ref(), schedule.reward_weight)?;
         let mut measures = measure(&predictions, &value, adversary.as_ref());
         measures.latent_means = to_values(means.inner());
+        measures.dynamics_weight = schedule.dynamics_weight;
         drop(predictions);
         measures.phases = Phases { encode, adversary: adversary_ms, predict: watch.lap(), ..Phases::default() };
         let learner = self.world_step(value, &mut measures, schedule.lr, options.gradient_clip as f32)?;

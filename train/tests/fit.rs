@@ -69,7 +69,7 @@ fn stopping_and_going_on_gives_the_same_bytes_as_never_stopping() {
     let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 20, false)];
     for objective in Objective::ALL {
         let options = options(&format!(
-            "objective = '{objective}'\nupdates = 7\ncheckpoint_every = 5\ndynamics_start = 2\ndynamics_warmup = 6\nlr_warmup = 9"
+            "objective = '{objective}'\nupdates = 7\ncheckpoint_every = 5\ndynamics_start = 2\ndynamics_after = -1.0\ndynamics_warmup = 6\nlr_warmup = 9"
         ));
         let whole = folder.path().join(format!("{objective}-whole"));
         train(&whole, &recordings, &options).unwrap();

@@ -2,7 +2,7 @@
 //! picture network when observations are vectors.
 
 use burn::module::Module;
-use burn::tensor::{Device, Tensor, activation::elu};
+use burn::tensor::{Device, Tensor};
 use rand::Rng;
 
 use crate::linear::{Linear, LinearConfig};
@@ -44,8 +44,8 @@ impl MlpConfig {
 impl Mlp {
     /// The network with its last layer [standardized](Linear::standardized) over these inputs: `[rows, input]`.
     pub fn calibrated(mut self, x: Tensor<2>) -> Self {
-        let x = elu(self.first.forward(x), 1.0);
-        let x = elu(self.second.forward(x), 1.0);
+        let x = elu(self.first.forward(x));
+        let x = elu(self.second.forward(x));
         self.last = self.last.clone().standardized(x);
         self
     }
@@ -54,8 +54,14 @@ impl Mlp {
     /// - `x`: `[…, input]`
     /// - output: `[…, output]`
     pub fn forward<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
-        let x = elu(self.first.forward(x), 1.0);
-        let x = elu(self.second.forward(x), 1.0);
+        let x = elu(self.first.forward(x));
+        let x = elu(self.second.forward(x));
         self.last.forward(x)
     }
+}
+
+/// `x` where it is positive, `exp(x) − 1` elsewhere. Burn's own takes the exponential of every number before it chooses, and so has the gradient 0 · ∞ for
+/// numbers above 88, which a head whose output is normalised reaches in time.
+pub fn elu<const D: usize>(x: Tensor<D>) -> Tensor<D> {
+    x.clone().clamp_min(0.0) + x.clamp_max(0.0).exp() - 1.0
 }

@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use vibes_model::encode::{EpisodeEncoder, RawFrames};
 use vibes_model::gru::GruConfig;
 use vibes_model::kernels::pixel_tensor;
+use vibes_model::mlp::elu;
 use vibes_model::observe::Frames;
 use vibes_model::parameters::{read_parameters, to_values};
 use vibes_model::{Model, ModelConfig, ModelError, ObservationKind};
@@ -310,4 +311,14 @@ fn standardizing_leaves_an_output_that_never_changes_finite() {
     model.world.encoder.observe = observe.calibrated(Frames::Vectors(still.clone())).unwrap();
     let features = model.world.encoder.observe.forward(Frames::Vectors(still), 5).unwrap();
     assert_close(&to_values(features), &[0.0; 5 * 24], 1e-4);
+}
+
+#[test]
+fn elu_has_its_values_and_a_gradient_for_large_numbers_too() {
+    let device = Device::flex().autodiff();
+    let x = Tensor::<1>::from_data([-200.0_f32, -1.0, 0.5, 200.0], &device).require_grad();
+    let y = elu(x.clone());
+    assert_close(&to_values(y.clone()), &[-1.0, -0.632_120_6, 0.5, 200.0], 1e-5);
+    let gradient = x.grad(&y.sum().backward()).unwrap();
+    assert_close(&to_values(gradient), &[0.0, 0.367_879_4, 1.0, 1.0], 1e-5);
 }

@@ -67,9 +67,12 @@ struct OptionFlags {
     /// Weight with which the encoder hears the dynamics term (1 as the paper writes it).
     #[arg(long)]
     dynamics_weight: Option<f64>,
-    /// Updates before it begins to.
+    /// Updates before which it does not.
     #[arg(long)]
     dynamics_start: Option<u64>,
+    /// Nats by which the reward must be predicted better than by the rewards' own distribution before it does.
+    #[arg(long)]
+    dynamics_after: Option<f64>,
     /// Updates after that over which the weight rises from 0.
     #[arg(long)]
     dynamics_warmup: Option<u64>,

@@ -37,13 +37,14 @@ fn impossible_values_are_refused() {
 
 #[test]
 fn warm_up_rises_to_the_weight() {
-    let options = Options { dynamics_start: 10, dynamics_warmup: 100, dynamics_weight: 0.5, ..small() };
-    let found = [0, 10, 60, 110, 1000].map(|update| options.schedule(update).dynamics_weight);
+    let options = Options { dynamics_warmup: 100, dynamics_weight: 0.5, ..small() };
+    let found = [0, 10, 60, 110, 1000].map(|update| options.schedule(update, Some(10)).dynamics_weight);
     assert_eq!(found, [0.0, 0.0, 0.25, 0.5, 0.5]);
-    let at_once = Options { dynamics_start: 0, dynamics_warmup: 0, dynamics_weight: 0.03, ..small() };
+    assert_eq!(options.schedule(1000, None).dynamics_weight, 0.0);
+    let at_once = Options { dynamics_warmup: 0, dynamics_weight: 0.03, ..small() };
     let warmed = Options { lr: 1.0, lr_warmup: 4, ..small() };
-    assert_eq!([0, 1, 3, 9].map(|update| warmed.schedule(update).lr), [0.25, 0.5, 1.0, 1.0]);
-    assert_eq!(at_once.schedule(0).dynamics_weight, 0.03);
+    assert_eq!([0, 1, 3, 9].map(|update| warmed.schedule(update, None).lr), [0.25, 0.5, 1.0, 1.0]);
+    assert_eq!(at_once.schedule(0, Some(0)).dynamics_weight, 0.03);
 }
 
 #[test]

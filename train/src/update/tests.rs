@@ -33,7 +33,7 @@ fn one_batch_overfits() {
         let mut rewards = Vec::new();
         let mut first_and_last = Vec::new();
         for _ in 0..150 {
-            let (next, measures) = learner.update(&batch, options.schedule(0), &options, &mut rng).unwrap();
+            let (next, measures) = learner.update(&batch, options.schedule(0, Some(0)), &options, &mut rng).unwrap();
             learner = next;
             rewards.push(measures.reward);
             first_and_last.push((measures.objective, measures.adversary, measures.reconstruction));
@@ -53,7 +53,7 @@ fn the_adversary_learns_to_predict_latents_that_stay() {
     let mut rng = ChaCha8Rng::seed_from_u64(6);
     let mut likelihood = Vec::new();
     for _ in 0..100 {
-        let (next, measures) = learner.update(&batch, options.schedule(0), &options, &mut rng).unwrap();
+        let (next, measures) = learner.update(&batch, options.schedule(0, Some(0)), &options, &mut rng).unwrap();
         learner = next;
         likelihood.push(measures.adversary.unwrap());
     }
@@ -68,7 +68,7 @@ fn the_adversary_moves_the_encoder_through_the_latents() {
         let (learner, batch, options) = learner(Objective::Vibes, "dynamics_weight = 1.0");
         let options = Options { adversary_lr: rate, ..options };
         let (learner, _) =
-            learner.update(&batch, options.schedule(0), &options, &mut ChaCha8Rng::seed_from_u64(6)).unwrap();
+            learner.update(&batch, options.schedule(0, Some(0)), &options, &mut ChaCha8Rng::seed_from_u64(6)).unwrap();
         let adversary = learner.model.adversary.as_ref().unwrap();
         (read_parameters(&learner.model.world.encoder, ""), read_parameters(adversary, ""))
     };
@@ -97,7 +97,8 @@ fn warm_up_rows_carry_no_reward() {
     }
     let other = Batch::new(&other, config, options.burn_in, &device).unwrap();
     let objective = |batch: &Batch| {
-        let made = learner.clone().update(batch, options.schedule(0), &options, &mut ChaCha8Rng::seed_from_u64(1));
+        let made =
+            learner.clone().update(batch, options.schedule(0, Some(0)), &options, &mut ChaCha8Rng::seed_from_u64(1));
         made.unwrap().1.objective
     };
     assert_eq!(objective(&batch), objective(&other));
