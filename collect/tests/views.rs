@@ -240,3 +240,21 @@ fn an_episode_that_is_not_its_own_actions_is_found() {
     let output = process::collect(folder, "replay forged");
     assert_eq!(output.status.code(), Some(1), "{output:?}");
 }
+
+#[test]
+fn frames_of_a_trace_are_dm_controls_own_pictures() {
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
+    let folder = tempfile::tempdir().unwrap();
+    for (name, picture) in files(&golden.join("frames")) {
+        let (trace, step) = name.strip_suffix(".png").unwrap().rsplit_once('-').unwrap();
+        let path = golden.join(format!("physics/{trace}.json"));
+        works(folder.path(), &format!("replay {} --frames {trace} --size 64", path.display()));
+        let read = |bytes: &[u8]| image::load_from_memory(bytes).unwrap().into_rgb8().into_raw();
+        let ours =
+            std::fs::read(folder.path().join(format!("{trace}/{:06}.png", step.parse::<u32>().unwrap()))).unwrap();
+        let (ours, theirs) = (read(&ours), read(&picture));
+        assert_eq!(ours.len(), theirs.len());
+        let difference = ours.iter().zip(&theirs).map(|(&a, &b)| f64::from(a.abs_diff(b))).sum::<f64>();
+        assert!(difference / ours.len() as f64 <= 1.0, "{name}: {}", difference / ours.len() as f64);
+    }
+}

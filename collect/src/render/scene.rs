@@ -3,6 +3,7 @@
 //! In: positions and a [`View`]. Out: MuJoCo data from which a scene can be made.
 #![allow(unsafe_code, reason = "MuJoCo's model may be changed only through its C structure once it belongs to a state")]
 
+use mujoco_rs::mujoco_c::mj_copyModel;
 use mujoco_rs::prelude::{MjData, MjModel, MjtCamLight, MjtObjBase, MjtRndFlag};
 use vibes_data::CameraPose;
 
@@ -52,8 +53,19 @@ impl Stage {
     }
 
     pub(super) fn set_model(&mut self, model: &MjModel, settings: &RenderSettings) -> Result<()> {
+        let sizes = |model: &MjModel| {
+            let model = model.ffi();
+            [model.nbuffer, model.nq as i64, model.nbody as i64, model.ngeom as i64, model.nmat as i64]
+        };
+        if sizes(self.data.model()) != sizes(model) {
+            return Err(refused("another model"));
+        }
         self.own_rgba = model.mat_rgba().to_vec();
-        self.data.try_swap_model(prepared(model, settings)).map_err(refused)?;
+        // A new copy for every episode would tear the heap to pieces: its textures take some 12 MB.
+        // SAFETY: both are whole models, of the same sizes, so that the copy fits into the buffer that is there.
+        let own = unsafe { self.data.model_mut() };
+        unsafe { mj_copyModel(own.ffi_mut(), model.ffi()) };
+        prepare(own, settings);
         Ok(())
     }
 
@@ -128,9 +140,15 @@ fn refused(error: impl std::fmt::Display) -> Error {
     Error::Render { fact: error.to_string(), expected: "one renderer draws one model".to_owned() }
 }
 
-/// A copy of the model with buffers of the picture's size, and with the look's quality.
+/// A copy of the model, prepared.
 fn prepared(model: &MjModel, settings: &RenderSettings) -> Box<MjModel> {
     let mut model = Box::new(model.clone());
+    prepare(&mut model, settings);
+    model
+}
+
+/// Gives a model buffers of the picture's size, and the look's quality.
+fn prepare(model: &mut MjModel, settings: &RenderSettings) {
     let size = settings.size as i32;
     let visual = model.vis_mut();
     (visual.global.offwidth, visual.global.offheight) = (size, size);
@@ -144,7 +162,6 @@ fn prepared(model: &MjModel, settings: &RenderSettings) -> Box<MjModel> {
             visual.quality.numstacks = 6;
         }
     }
-    model
 }
 
 /// What is drawn at all.
