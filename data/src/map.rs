@@ -178,11 +178,13 @@ impl<N: Iterator<Item = FieldNode>, B: Iterator<Item = arrow::ipc::Buffer>> Colu
             }
             DataType::Boolean => self.next_holds(Some(rows.div_euclid(8) + i64::from(rows % 8 != 0))),
             DataType::FixedSizeBinary(size) => self.next_holds(rows.checked_mul(i64::from(*size))),
-            // One offset more than rows; the decoder checks the offsets against the bytes that follow.
-            DataType::Binary | DataType::Utf8 if rows == 0 => self.next_holds(Some(0)) && self.next_holds(Some(0)),
+            // One offset of four bytes more than rows; the decoder checks the offsets against the bytes that follow, and asserts that
+            // they are whole.
             DataType::Binary | DataType::Utf8 => {
-                self.next_holds(rows.checked_add(1).and_then(|offsets| offsets.checked_mul(4)))
-                    && self.next_holds(Some(0))
+                let needed =
+                    if rows == 0 { Some(0) } else { rows.checked_add(1).and_then(|count| count.checked_mul(4)) };
+                let offsets = self.buffers.next().map_or(-1, |buffer| buffer.length());
+                offsets % 4 == 0 && needed.is_some_and(|needed| offsets >= needed) && self.next_holds(Some(0))
             }
             of => self.next_holds(of.primitive_width().and_then(|width| rows.checked_mul(width as i64))),
         }

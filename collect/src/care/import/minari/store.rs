@@ -197,6 +197,12 @@ fn from_hdf5(dataset: &hdf5_pure::Dataset, file_bytes: u64) -> std::result::Resu
     if bytes.is_none_or(|bytes| bytes > most) {
         return Err(format!("shape {shape:?} in so small a file"));
     }
+    // A chunk is allocated whole before it is read.
+    let chunk = dataset.chunk_shape().map_err(text)?.unwrap_or_default();
+    let chunk_bytes = chunk.iter().try_fold(element, |bytes, &side| bytes.checked_mul(side));
+    if chunk_bytes.is_none_or(|bytes| bytes > most) {
+        return Err(format!("chunks of shape {chunk:?} in so small a file"));
+    }
     let shape: Vec<usize> = shape.into_iter().map(|side| side as usize).collect();
     fn all<T: Copy, const N: usize>(values: Vec<T>, bytes: fn(T) -> [u8; N]) -> Vec<u8> {
         values.into_iter().flat_map(bytes).collect()
