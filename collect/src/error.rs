@@ -93,7 +93,7 @@ pub enum Error {
     },
     /// Nothing can be drawn on this machine.
     #[error(
-        "cannot draw without EGL: {fact}; run `make setup`, or on Debian and Ubuntu: sudo apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"
+        "cannot draw without EGL: {fact}; run `make setup`, or on Debian and Ubuntu: sudo apt-get install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri libopengl0"
     )]
     NoEgl {
         /// What EGL answered.

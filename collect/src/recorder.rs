@@ -16,7 +16,7 @@ use vibes_data::{EpisodeInfo, FORMAT, ImageSize, Manifest, Recording, RecordingW
 pub use source::Source;
 
 use crate::plan::{PlannedEpisode, RecordOptions};
-use crate::render::{material_colors, material_names};
+use crate::render::{check_drawing, material_colors, material_names};
 use crate::studio::StudioSettings;
 use crate::videos::VideoLibrary;
 use crate::{Environment, EnvironmentOptions, Error, PolicyMix, Result, StateTrajectory};
@@ -80,6 +80,10 @@ struct Shared<'a> {
 pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Sync)) -> Result<Recording> {
     let options = run.options;
     let environment = environment_of(options)?;
+    if options.size.is_some() {
+        // Before anything is on disk: a machine without EGL leaves no empty recording behind.
+        check_drawing()?;
+    }
     let videos = open_videos(options)?;
     let manifest = manifest_of(options, run.seed, &environment, videos.videos());
     run.source.check_videos(videos.videos())?;

@@ -128,6 +128,14 @@ pub struct Renderer {
     gl: EglContext,
 }
 
+/// Whether this machine can draw at all: to be asked before anything is made for pictures.
+///
+/// # Errors
+/// [`Error::NoEgl`].
+pub fn check_drawing() -> Result<()> {
+    EglContext::new().map(drop)
+}
+
 impl Renderer {
     /// Opens a context on this thread. `domain` is the task's name or domain; `model` is copied, with its overrides.
     ///
