@@ -83,10 +83,15 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         seen
     });
     say(globals, format_args!("curves: {} runs in {} groups: {}", runs.len(), names.len(), names.join(", ")));
-    let curves = metrics
-        .iter()
-        .map(|m| Ok((m, group_curves(&runs, &groups, &names, &m.name)?)))
-        .collect::<anyhow::Result<Vec<_>>>()?;
+    let mut curves = Vec::new();
+    for metric in &metrics {
+        for task in tasks(&runs) {
+            let of_groups = group_curves(&runs, &groups, &names, &metric.name, task.as_deref())?;
+            if !of_groups.is_empty() {
+                curves.push(Shown { metric, task, curves: of_groups });
+            }
+        }
+    }
     let out = options.output.clone().unwrap_or_else(|| options.runs[0].join("figures"));
     std::fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
     let heading = |title: &str| Heading::new(title).with_note(options.note.clone());
@@ -120,7 +125,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
             "no held-out gaps to a bisimulation in these runs; `vibes-train evaluate RUN GRID` measures them".into(),
         );
     }
-    let line = format!("curves: {} metrics of {} runs{}", curves.len(), runs.len(), progress(&runs));
+    let line = format!("curves: {} metrics of {} runs{}", metrics.len(), runs.len(), progress(&runs));
     Ok(Outcome { line, remarks, files, json: document })
 }
 
@@ -188,6 +193,25 @@ fn groups(by: By, runs: &[Run]) -> Vec<String> {
     runs.iter().map(|r| if same_name(r) { r.path.display().to_string() } else { r.name.clone() }).collect()
 }
 
+/// What one facet shows: a metric, of one task if the runs are of several.
+struct Shown<'m> {
+    metric: &'m Metric,
+    task: Option<String>,
+    curves: Vec<GroupCurve>,
+}
+
+impl Shown<'_> {
+    fn title(&self) -> String {
+        self.task.as_ref().map_or_else(|| self.metric.title.clone(), |task| format!("{task}: {}", self.metric.title))
+    }
+}
+
+/// The runs' tasks, whose curves are not averaged; none to tell apart if they are all of one.
+fn tasks(runs: &[Run]) -> Vec<Option<String>> {
+    let tasks: BTreeSet<&str> = runs.iter().map(|r| r.task().unwrap_or("no task named")).collect();
+    if tasks.len() < 2 { vec![None] } else { tasks.into_iter().map(|task| Some(task.to_string())).collect() }
+}
+
 /// A metric of a group over training.
 struct GroupCurve {
     group: String,
@@ -196,10 +220,21 @@ struct GroupCurve {
 }
 
 /// The curves of one metric, group by group; groups that lack it are left out. A run alone keeps its own points.
-fn group_curves(runs: &[Run], groups: &[String], names: &[String], metric: &str) -> anyhow::Result<Vec<GroupCurve>> {
+fn group_curves(
+    runs: &[Run],
+    groups: &[String],
+    names: &[String],
+    metric: &str,
+    task: Option<&str>,
+) -> anyhow::Result<Vec<GroupCurve>> {
     let mut curves = Vec::new();
+    let of_task = |run: &Run| task.is_none_or(|task| run.task().unwrap_or("no task named") == task);
     for group in names {
-        let members = runs.iter().zip(groups).filter(|(_, g)| *g == group).filter_map(|(r, _)| r.series.get(metric));
+        let members = runs
+            .iter()
+            .zip(groups)
+            .filter(|(r, g)| *g == group && of_task(r))
+            .filter_map(|(r, _)| r.series.get(metric));
         let members: Vec<Series> = members.filter(|s| s.iter().any(|p| p.1.is_finite())).cloned().collect();
         if !members.is_empty() {
             let places = members.iter().map(Vec::len).max().unwrap_or(2).clamp(2, PLACES);
@@ -213,7 +248,7 @@ fn group_curves(runs: &[Run], groups: &[String], names: &[String], metric: &str)
     Ok(curves)
 }
 
-fn figure(heading: Heading, runs: &[Run], names: &[String], curves: &[(&Metric, Vec<GroupCurve>)]) -> Curves {
+fn figure(heading: Heading, runs: &[Run], names: &[String], curves: &[Shown<'_>]) -> Curves {
     let curve = |c: &GroupCurve| Curve {
         group: names.iter().position(|n| *n == c.group).unwrap_or(0),
         x: c.points.iter().map(|p| p.x).collect(),
@@ -222,9 +257,10 @@ fn figure(heading: Heading, runs: &[Run], names: &[String], curves: &[(&Metric, 
     };
     let facets = curves
         .iter()
-        .map(|(metric, curves)| Facet { metric: metric.title.clone(), curves: curves.iter().map(curve).collect() })
+        .map(|shown| Facet { metric: shown.title(), curves: shown.curves.iter().map(curve).collect() })
         .collect();
-    let axis = runs.first().map_or("update", |r| r.clock.as_str()).replace('_', " ") + "s";
+    let axis =
+        runs.first().map_or("update", |r| r.clock.as_str()).replace("env_", "environment ").replace('_', " ") + "s";
     Curves { heading, axis, groups: names.to_vec(), facets }
 }
 
@@ -337,14 +373,15 @@ fn numbers(table: &Table) -> serde_json::Value {
         .collect()
 }
 
-fn write_curves(out: &std::path::Path, curves: &[(&Metric, Vec<GroupCurve>)]) -> anyhow::Result<PathBuf> {
-    let rows: Vec<(&str, &GroupCurve, &CurvePoint)> = curves
+fn write_curves(out: &std::path::Path, curves: &[Shown<'_>]) -> anyhow::Result<PathBuf> {
+    let rows: Vec<(&Shown<'_>, &GroupCurve, &CurvePoint)> = curves
         .iter()
-        .flat_map(|(m, curves)| curves.iter().flat_map(move |c| c.points.iter().map(move |p| (m.name.as_str(), c, p))))
+        .flat_map(|shown| shown.curves.iter().flat_map(move |c| c.points.iter().map(move |p| (shown, c, p))))
         .collect();
     let numbers = |of: fn(&CurvePoint) -> f64| Column::Float64(rows.iter().map(|r| of(r.2)).collect());
     let table = [
-        ("metric", Column::Text(rows.iter().map(|r| r.0.to_string()).collect())),
+        ("metric", Column::Text(rows.iter().map(|r| r.0.metric.name.clone()).collect())),
+        ("task", Column::Text(rows.iter().map(|r| r.0.task.clone().unwrap_or_default()).collect())),
         ("group", Column::Text(rows.iter().map(|r| r.1.group.clone()).collect())),
         ("runs", Column::UInt32(rows.iter().map(|r| r.2.runs as u32).collect())),
         ("x", numbers(|p| p.x)),

@@ -113,10 +113,15 @@ fn source(options: &Options, input: Option<&Path>) -> Input {
     Input::named(input, options.recording.as_deref(), options.output.as_deref(), options.seed, options.note.as_deref())
 }
 
-/// The name of the folder that latents lie in, else their own.
+/// The name of the folder that latents lie in, with their own unless it is `latents`: a run may hold several tables.
 fn name(latents: &Path) -> String {
     let stem = |p: &Path| p.file_stem().map(|n| n.to_string_lossy().into_owned());
-    latents.parent().and_then(stem).or_else(|| stem(latents)).unwrap_or_else(|| "latents".into())
+    let own = stem(latents).unwrap_or_else(|| "latents".into());
+    match latents.parent().and_then(stem) {
+        Some(folder) if own == "latents" => folder,
+        Some(folder) => format!("{folder}-{own}"),
+        None => own,
+    }
 }
 
 fn chapter(options: &Options, globals: &Globals, mut session: Session, folder: &Path) -> anyhow::Result<Chapter> {
