@@ -55,7 +55,7 @@ impl Stage {
     pub(super) fn set_model(&mut self, model: &MjModel, settings: &RenderSettings) -> Result<()> {
         let sizes = |model: &MjModel| {
             let model = model.ffi();
-            [model.nbuffer, model.nq as i64, model.nbody as i64, model.ngeom as i64, model.nmat as i64]
+            [model.nbuffer, model.nq, model.nbody, model.ngeom, model.nmat]
         };
         if sizes(self.data.model()) != sizes(model) {
             return Err(refused("another model"));
