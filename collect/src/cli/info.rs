@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
-use vibes_data::{EpisodeEntry, Manifest, Recording};
+use vibes_data::{EpisodeEntry, Manifest, Recording, Video};
 
 use super::{Outcome, OutputArgs, show};
 
@@ -39,7 +39,6 @@ fn describe(recording: &Recording) -> String {
     let size: u64 =
         episodes.iter().map(|entry| entry.arrow.bytes + entry.mcap.as_ref().map_or(0, |file| file.bytes)).sum();
     let parts = spec.observation.iter().map(|part| format!("{} {}", part.name, part.len));
-    let video_names = videos.iter().map(|video| format!("{} ({} frames)", video.name, video.frames));
     let mut lines = vec![
         ("recording", recording.path().display().to_string()),
         (
@@ -74,7 +73,7 @@ fn describe(recording: &Recording) -> String {
     lines.push(("state", format!("qpos {}, qvel {}", spec.qpos, spec.qvel)));
     lines.push(("pixels", spec.pixels.map_or("none".into(), |size| format!("{} x {} RGB", size.height, size.width))));
     lines.push(("distractors", options.get("distractors").map_or("unknown".into(), ToString::to_string)));
-    lines.push(("videos", if videos.is_empty() { "none".into() } else { video_names.collect::<Vec<_>>().join(", ") }));
+    lines.push(("videos", name_videos(videos)));
     lines.push(("seed", seed.to_string()));
     lines.push((
         "versions",
@@ -120,4 +119,19 @@ fn list(episodes: &[EpisodeEntry]) -> String {
         )
     };
     episodes.iter().map(line).collect()
+}
+
+/// The videos by name, of many the first few.
+fn name_videos(videos: &[Video]) -> String {
+    const NAMED: usize = 8;
+    let mut names: Vec<String> =
+        videos.iter().take(NAMED).map(|video| format!("{} ({} frames)", video.name, video.frames)).collect();
+    match videos.len() {
+        0 => "none".into(),
+        count if count > NAMED => {
+            names.push(format!("… {count} in all"));
+            names.join(", ")
+        }
+        _ => names.join(", "),
+    }
 }
