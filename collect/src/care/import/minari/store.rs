@@ -203,6 +203,10 @@ fn from_hdf5(dataset: &hdf5_pure::Dataset, file_bytes: u64) -> std::result::Resu
     if chunk_bytes.is_none_or(|bytes| bytes > most) {
         return Err(format!("chunks of shape {chunk:?} in so small a file"));
     }
+    // So are its stored bytes. An index that cannot be listed is read, or refused, with the numbers.
+    if dataset.chunks().is_ok_and(|chunks| chunks.iter().any(|chunk| chunk.storage_size > file_bytes)) {
+        return Err("a chunk longer than the file".into());
+    }
     let shape: Vec<usize> = shape.into_iter().map(|side| side as usize).collect();
     fn all<T: Copy, const N: usize>(values: Vec<T>, bytes: fn(T) -> [u8; N]) -> Vec<u8> {
         values.into_iter().flat_map(bytes).collect()
