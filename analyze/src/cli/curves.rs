@@ -38,8 +38,8 @@ const DYNAMICS_GAP: &str = "held_out.gaps.dynamics_gap";
 
 /// Learning curves over run folders, with 95% intervals over the runs of a group, and a table of where they ended.
 ///
-/// Beside the metrics of training stand those of a held-out grid: retrieval and variance shares (`vibes-train offline --eval GRID`), and the gaps to a
-/// bisimulation in nats (`vibes-train evaluate RUN GRID`; with `-o RUN/evaluation-LATER.json` at several times they become a curve).
+/// Beside the metrics of training stand those of a held-out grid: retrieval, variance shares, and the gaps to a bisimulation in nats
+/// (`vibes-train offline --eval GRID` while training, `vibes-train evaluate RUN GRID` afterwards).
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     /// Run folders (each with a metrics.jsonl).
