@@ -30,7 +30,7 @@ vibes-collect --task cartpole-swingup --grid 8x8 --mix random:0.2,planner:noise=
 step "Training VIBES for $minutes minutes"
 vibes-train offline "$train" "$again-1" "$again-2" --minutes "$minutes" --seed 0 -o "$run"
 
-step "Encoding the grid, with this model and with the kept one, which trained for longer"
+step "Encoding the grid, with this model and with the kept one, which learned from other recordings"
 vibes-train encode "$run" "$grid"
 vibes-train encode "$kept" "$grid" -o "$run-kept/latents.arrow"
 
