@@ -2,29 +2,12 @@
 
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
-use std::path::Path;
-use std::process::{Command, Output};
+#[path = "process/run.rs"]
+mod run;
 
 use vibes_data::{EpisodeView, Recording};
 
-fn collect(folder: &Path, arguments: &str) -> Output {
-    let arguments = arguments.split_whitespace();
-    Command::new(env!("CARGO_BIN_EXE_vibes-collect")).args(arguments).current_dir(folder).output().unwrap()
-}
-
-fn fails(folder: &Path, arguments: &str, code: i32, says: &str) {
-    let output = collect(folder, arguments);
-    let text = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{arguments}: {text}");
-    assert!(text.contains(says), "{arguments}: {text}");
-    assert!(!text.contains("panicked"), "{arguments}: {text}");
-}
-
-fn works(folder: &Path, arguments: &str) -> String {
-    let output = collect(folder, arguments);
-    assert!(output.status.success(), "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
+use run::{collect, fails, works};
 
 #[test]
 fn a_grid_simulates_each_state_once_and_draws_it_under_every_distractor() {
