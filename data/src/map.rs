@@ -12,6 +12,8 @@ use arrow::ipc::reader::{FileDecoder, read_footer_length};
 use arrow::ipc::{Block, FieldNode, MetadataVersion, root_as_footer, root_as_message};
 use arrow::record_batch::RecordBatch;
 use memmap2::Mmap;
+#[cfg(unix)]
+use memmap2::UncheckedAdvice;
 
 use crate::{Error, Result};
 
@@ -28,10 +30,32 @@ pub fn read_table(path: &Path) -> Result<Vec<RecordBatch>> {
 /// The last bytes of an Arrow file: footer length and magic.
 const TRAILER: usize = 10;
 
+/// The mapped pages of a file, shared by everything that looks into them.
+#[derive(Clone, Debug)]
+pub(crate) struct Pages(Arc<Mmap>);
+
+impl Pages {
+    /// Gives the memory of the pages back until they are looked at again. The system would do so itself once memory is short, but until then a program that
+    /// has looked at all of a large recording seems to hold all of it.
+    pub(crate) fn release(&self) {
+        #[cfg(unix)]
+        #[allow(unsafe_code, reason = "the advice could lose what was written to private pages")]
+        // SAFETY: the pages are a shared, read-only map of a file; the next look finds the same bytes in it.
+        let _only_a_wish = unsafe { self.0.unchecked_advise(UncheckedAdvice::DontNeed) };
+    }
+}
+
+impl AsRef<[u8]> for Pages {
+    fn as_ref(&self) -> &[u8] {
+        &self.0
+    }
+}
+
 /// An open Arrow file.
 #[derive(Debug)]
 pub(crate) struct MappedTable {
     path: PathBuf,
+    pages: Pages,
     buffer: Buffer,
     schema: SchemaRef,
     version: MetadataVersion,
@@ -54,7 +78,8 @@ impl MappedTable {
         #[allow(unsafe_code, reason = "mapping a file is unsafe because another process could change it")]
         // SAFETY: files of a recording are renamed into place when finished and never written again.
         let pages = unsafe { Mmap::map(&file) }.map_err(Error::io("map", path))?;
-        let buffer = Buffer::from(bytes_of(pages));
+        let pages = Pages(Arc::new(pages));
+        let buffer = Buffer::from(bytes::Bytes::from_owner(pages.clone()));
         let broken = |fact: String| Error::malformed(path, fact, "a whole Arrow file");
         let start = buffer.len() - TRAILER;
         let mut trailer = [0; TRAILER];
@@ -71,11 +96,16 @@ impl MappedTable {
         let blocks: Vec<Block> = footer.recordBatches().iter().flatten().copied().collect();
         let version = footer.version();
         let schema = checked_schema(schema).ok_or_else(|| broken("a schema of unknown types".into()))?;
-        Ok(Self { path: path.into(), buffer: buffer.clone(), schema: Arc::new(schema), version, blocks })
+        Ok(Self { path: path.into(), pages, buffer: buffer.clone(), schema: Arc::new(schema), version, blocks })
     }
 
     pub(crate) fn schema(&self) -> SchemaRef {
         self.schema.clone()
+    }
+
+    /// The pages that the record batches lie in.
+    pub(crate) fn pages(&self) -> Pages {
+        self.pages.clone()
     }
 
     pub(crate) fn batches(&self) -> usize {
@@ -103,10 +133,6 @@ impl MappedTable {
         let end = offset.checked_add(length)?;
         (end <= self.buffer.len() && length >= 8).then(|| self.buffer.slice_with_length(offset, length))
     }
-}
-
-fn bytes_of(pages: Mmap) -> bytes::Bytes {
-    bytes::Bytes::from_owner(pages)
 }
 
 /// Flatbuffers check offsets, not meaning: a type may lack its parameters, and the conversion panics on some of those.

@@ -11,7 +11,7 @@ use arrow::buffer::ScalarBuffer;
 use arrow::datatypes::{Float32Type, Float64Type, UInt32Type};
 
 use crate::arrow_table::episode_schema;
-use crate::map::MappedTable;
+use crate::map::{MappedTable, Pages};
 use crate::{BackgroundFrame, CameraPose, Cell, Episode, Error, Result, Spec};
 
 /// One episode in a file.
@@ -32,6 +32,7 @@ pub struct EpisodeView {
     video: UInt32Array,
     frame: UInt32Array,
     colors: Columns<f32>,
+    pages: Pages,
 }
 
 /// A column of `len` numbers a row.
@@ -53,11 +54,17 @@ impl EpisodeView {
     /// # Errors
     /// [`Error::Malformed`] when the file is damaged, has other columns than the spec, or breaks the alignment rule.
     pub fn open(path: &Path, spec: &Spec) -> Result<Self> {
-        Ok(Self::of(&episode_table(path, spec)?, spec))
+        let (batch, pages) = checked_table(path, spec)?;
+        Ok(Self::of(&batch, spec, pages))
+    }
+
+    /// Gives the memory of the rows seen so far back until they are looked at again: for whoever keeps many episodes open.
+    pub fn release(&self) {
+        self.pages.release();
     }
 
     /// Columns are taken by name after the schema has been checked, so that the types are known.
-    fn of(batch: &RecordBatch, spec: &Spec) -> Self {
+    fn of(batch: &RecordBatch, spec: &Spec, pages: Pages) -> Self {
         let rows = batch.num_rows();
         let uint = |name: &str| batch[name].as_primitive::<UInt32Type>().clone();
         let scalar = |name: &str| batch[name].as_primitive::<Float32Type>().values().clone();
@@ -84,6 +91,7 @@ impl EpisodeView {
             video: uint("video"),
             frame: uint("frame"),
             colors: batch.column_by_name("colors").map_or_else(no_columns, |c| floats(c.as_fixed_size_list())),
+            pages,
         }
     }
 
@@ -209,6 +217,10 @@ fn doubles(list: &FixedSizeListArray) -> Columns<f64> {
 /// # Errors
 /// [`Error::Malformed`] when the file is damaged, has other columns than the spec, or breaks the alignment rule.
 pub fn episode_table(path: &Path, spec: &Spec) -> Result<RecordBatch> {
+    Ok(checked_table(path, spec)?.0)
+}
+
+fn checked_table(path: &Path, spec: &Spec) -> Result<(RecordBatch, Pages)> {
     let table = MappedTable::open(path)?;
     let expected = episode_schema(spec);
     if table.schema().fields() != expected.fields() {
@@ -220,7 +232,7 @@ pub fn episode_table(path: &Path, spec: &Spec) -> Result<RecordBatch> {
     }
     let batch = table.batch(0)?;
     check_alignment(&batch).map_err(|fact| Error::malformed(path, fact, "rows aligned as the format says"))?;
-    Ok(batch)
+    Ok((batch, table.pages()))
 }
 
 fn difference(found: &arrow::datatypes::Fields, expected: &arrow::datatypes::Fields) -> String {

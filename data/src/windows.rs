@@ -81,6 +81,11 @@ impl WindowSampler {
         self.gather(&starts)
     }
 
+    /// Gives the memory of the episodes' pages back until they are looked at again (see [`EpisodeView::release`]).
+    pub fn release(&self) {
+        self.episodes.iter().for_each(EpisodeView::release);
+    }
+
     fn locate(&self, window: u64) -> (usize, usize) {
         let episode = self.ends.partition_point(|&end| end <= window);
         let before = if episode == 0 { 0 } else { self.ends[episode - 1] };

@@ -109,10 +109,11 @@ pub fn fit(
 ) -> Result<End> {
     let options = &run.info().options;
     let windows = Windows::new(recordings, options.length, options.batch)?;
+    let first_windows = calibration(recordings, options)?;
     let (learner, state) = match run.resume(device)? {
         Some(resumed) => resumed,
         None => (
-            first_learner(run, recordings, device)?,
+            first_learner(run, &first_windows, device)?,
             State {
                 update: 0,
                 optimizer_steps: 0,
@@ -129,7 +130,7 @@ pub fn fit(
     let metrics = MetricsFile::open(&run.metrics_path(), state.update)?;
     let evaluations = held_out.map(|_| MetricsFile::open(&run.evaluations_path(), state.update)).transpose()?;
     let events = EventFile::begin(run.path(), state.update)?;
-    let reward_baseline = own_log_likelihood(&calibration(recordings, options)?.rewards, options.reward_floor);
+    let reward_baseline = own_log_likelihood(&first_windows.rewards, options.reward_floor);
     std::thread::scope(|scope| {
         let batches = Prefetch::start(scope, &windows, options.seed, state.update..options.updates);
         let mut training = Training {
@@ -262,7 +263,7 @@ impl Training<'_> {
     }
 }
 
-fn first_learner(run: &Run, recordings: &[Recording], device: &Device) -> Result<Learner> {
+fn first_learner(run: &Run, windows: &WindowBatch, device: &Device) -> Result<Learner> {
     let options = &run.info().options;
     if let Some(from) = &run.info().from {
         let model = Model::load(&Run::open(from)?.newest_model()?, device)?;
@@ -271,14 +272,13 @@ fn first_learner(run: &Run, recordings: &[Recording], device: &Device) -> Result
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut model = Model::init(run.info().model.clone(), &mut rng, device)?;
     if options.calibrate {
-        let windows = calibration(recordings, options)?;
-        let batch = Batch::new(&windows, &model.config, options.burn_in, device)?;
+        let batch = Batch::new(windows, &model.config, options.burn_in, device)?;
         model = model.calibrated(batch.frames, batch.previous_actions, &windows.rewards)?;
     }
     Ok(Learner::new(model, options, device))
 }
 
-/// The windows that set the first scales.
+/// The windows that set the first scales, and what is known about the rewards before anything is learned.
 fn calibration(recordings: &[Recording], options: &Options) -> Result<WindowBatch> {
     let windows = Windows::new(recordings, options.length, CALIBRATION_WINDOWS)?;
     Ok(windows.sample(&mut update_rng(options.seed, 0, Purpose::Calibration)))

@@ -12,6 +12,8 @@ use crate::error::{Result, TrainError};
 
 /// Batches that wait to be used.
 const AHEAD: usize = 3;
+/// Bytes gathered before the recordings' pages are given back, so that memory does not grow to the size of the recordings.
+const RELEASE_AFTER: usize = 1 << 29;
 
 /// What a generator is for; each has its own stream of numbers at every update.
 #[derive(Debug, Clone, Copy)]
@@ -52,6 +54,11 @@ impl Windows {
             .map(|recording| WindowSampler::new(recording, length))
             .collect::<std::result::Result<_, _>>()?;
         Ok(Self { samplers, batch })
+    }
+
+    /// Gives the memory of the recordings' pages back until they are looked at again.
+    pub fn release(&self) {
+        self.samplers.iter().for_each(WindowSampler::release);
     }
 
     /// The windows of one update.
@@ -115,8 +122,14 @@ impl Prefetch {
     ) -> Self {
         let (sender, batches) = sync_channel(AHEAD);
         let gather = move || {
+            let mut gathered = 0;
             for update in updates {
                 let batch = windows.sample(&mut update_rng(seed, update, Purpose::Windows));
+                gathered += batch.pixels.len();
+                if gathered > RELEASE_AFTER {
+                    windows.release();
+                    gathered = 0;
+                }
                 if sender.send(batch).is_err() {
                     return;
                 }

@@ -2,15 +2,14 @@
 //! transposed 4×4 convolutions with stride 2 that retrace the sizes of the picture network; vectors out of a perceptron.
 
 use burn::module::{Module, Param};
-use burn::tensor::activation::relu;
-use burn::tensor::ops::ConvTransposeOptions;
-use burn::tensor::{Device, Tensor, module::conv_transpose2d};
+use burn::tensor::{Device, Tensor};
 use rand::Rng;
 
 use crate::cnn::CnnConfig;
 use crate::config::{ModelConfig, ObservationKind};
 use crate::error::ModelError;
 use crate::init::{constant, he_normal};
+use crate::kernels::{TransposedLayer, pixel_error, transposed};
 use crate::linear::{Linear, LinearConfig};
 use crate::mlp::{Mlp, MlpConfig};
 use crate::observe::Frames;
@@ -76,17 +75,17 @@ impl Decoder {
     pub fn log_prob(&self, frames: Frames, latents: Tensor<3>) -> Result<Tensor<2>, ModelError> {
         let [length, batch, latent] = latents.dims();
         let latents = latents.reshape([length * batch, latent]);
-        let errors: Tensor<2> = match (frames, &self.picture, &self.vector) {
-            (Frames::Pixels(pixels), Some(net), _) => {
-                (net.forward(latents) - (pixels.float() / 255.0 - 0.5)).flatten(1, 3)
+        let errors = match (frames, &self.picture, &self.vector) {
+            (Frames::Pixels(pixels), Some(net), _) => pixel_error(net.forward(latents), pixels),
+            (Frames::Vectors(vectors), _, Some(net)) => {
+                (net.forward(latents) - vectors).square().sum_dim(1).squeeze_dim(1)
             }
-            (Frames::Vectors(vectors), _, Some(net)) => net.forward(latents) - vectors,
             _ => {
                 let (wanted, found) = ("its own kind of observation".to_owned(), "another kind".to_owned());
                 return Err(ModelError::Mismatch { wanted, found });
             }
         };
-        Ok(errors.square().sum_dim(1).mul_scalar(-0.5).reshape([length, batch]))
+        Ok(errors.mul_scalar(-0.5).reshape([length, batch]))
     }
 }
 
@@ -112,14 +111,12 @@ impl PictureDecoder {
     pub fn forward(&self, latents: Tensor<2>) -> Tensor<4> {
         let [frames, _] = latents.dims();
         let [height, width, channels] = self.start;
-        let mut x = self.linear.forward(latents).reshape([frames, channels, height, width]);
+        let mut x = self.linear.forward(latents).reshape([frames, height, width, channels]);
+        let last = self.layers.len().saturating_sub(1);
         for (index, layer) in self.layers.iter().enumerate() {
-            if index > 0 {
-                x = relu(x);
-            }
-            let options = ConvTransposeOptions::new([2, 2], [0, 0], layer.padding, [1, 1], 1);
-            x = conv_transpose2d(x, layer.weight.val(), Some(layer.bias.val()), options);
+            let (weight, bias) = (layer.weight.val(), layer.bias.val());
+            x = transposed(x, &TransposedLayer { weight, bias, padding: layer.padding, relu: index < last });
         }
-        x.permute([0, 2, 3, 1])
+        x
     }
 }

@@ -4,7 +4,7 @@
 //! differentiable through Burn's autodiff where that makes sense.
 //!
 //! A tensor's device decides how a function runs. On `flex` it is a custom operation with a hand-written backward pass
-//! (`convolution`, `recurrence`); on every other device it is the composition of ordinary Burn operations in [`plain`],
+//! (`convolution`, `transposed`, `recurrence`); on every other device it is the composition of ordinary Burn operations in [`plain`],
 //! which is also what the tests compare against. The numbers agree up to float32 rounding.
 //!
 //! The fast path is float32 throughout. It picks its instructions when the program runs (AVX-512, AVX2 with FMA, or what
@@ -18,11 +18,15 @@ mod flex;
 mod instructions;
 mod lanes;
 mod memory;
+mod pixel_error;
 pub mod plain;
 mod product;
 mod recurrence;
+mod transposed;
 
 pub use adam::{Adam, Moments};
 pub use convolution::{ConvLayer, feature_count, features, pixel_tensor};
 pub use instructions::Instructions;
+pub use pixel_error::pixel_error;
 pub use recurrence::gru;
+pub use transposed::{TransposedLayer, transposed};

@@ -50,6 +50,16 @@ impl Mlp {
         self
     }
 
+    /// The network whose output is zero whatever it sees, and learns from there.
+    pub fn silenced(mut self) -> Self {
+        let last = self.last.clone();
+        self.last = Linear {
+            weight: last.weight.map(|weight| weight.zeros_like()),
+            bias: last.bias.map(|bias| bias.zeros_like()),
+        };
+        self
+    }
+
     /// # Shapes
     /// - `x`: `[…, input]`
     /// - output: `[…, output]`

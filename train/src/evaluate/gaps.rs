@@ -1,9 +1,11 @@
 //! How far from a bisimulation: what a fresh critic that sees the whole history can still predict better than the model can from its latents. In: a trained model,
 //! the recordings it was trained on, a held-out recording. Out: two gaps in nats a row, for the next latent and for the reward.
 //!
-//! The encoder is held fixed. The critic is built like the adversary, with a second head for the reward `r_t` after it has seen `o_≤t, s_≤t, a_≤t`; it
-//! learns on the training recordings and is judged on the held-out one. Both gaps would be 0 at a global optimum of the objective; a critic that is fitted
-//! too briefly, or that does not carry over to new distractors, makes them too small, even negative: they are estimates from below.
+//! The encoder and the model are held fixed. The critic is built like the adversary, with a second head for the reward `r_t` after it has seen
+//! `o_≤t, s_≤t, a_≤t`, and both heads correct the model's own predictions: they begin with no correction, so that the gaps begin at 0 and every nat above it is
+//! something the critic found. It learns on the training recordings and is judged on the held-out one. Both gaps would be 0 at a global optimum of the
+//! objective. They are estimates from below: a critic that is fitted too briefly finds too little, one that does not carry over to new distractors loses some of it
+//! again and can end below 0.
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
@@ -13,9 +15,9 @@ use serde::Serialize;
 use vibes_data::Recording;
 use vibes_model::Model;
 use vibes_model::adversary::Adversary;
+use vibes_model::gaussian::{Gaussian, unit_norm};
 use vibes_model::init::normal;
 use vibes_model::mlp::{Mlp, MlpConfig};
-use vibes_model::{gaussian::Gaussian, reward};
 
 use crate::batch::Batch;
 use crate::encode::check_fit;
@@ -75,9 +77,12 @@ pub struct Gaps {
     pub reward_gap: f64,
 }
 
+/// Corrections of the model's predictions, from the whole history.
 #[derive(Module, Debug)]
 struct Critic {
+    /// Its head corrects the dynamics.
     adversary: Adversary,
+    /// Corrects the reward.
     reward: Mlp,
 }
 
@@ -123,8 +128,9 @@ fn fit_critic(
     rng: &mut ChaCha8Rng,
 ) -> Result<Critic> {
     let config = &model.config;
-    let adversary = Adversary::init(config, rng, device)?;
-    let reward = MlpConfig { input: config.hidden, hidden: config.head, output: 2 }.init(rng, device);
+    let mut adversary = Adversary::init(config, rng, device)?;
+    adversary.head = adversary.head.silenced();
+    let reward = MlpConfig { input: config.hidden, hidden: config.head, output: 2 }.init(rng, device).silenced();
     let mut critic = Critic { adversary, reward }.train();
     let windows = Windows::new(training, options.length, options.batch)?;
     let mut optimizer = Optimizer::new(1e-8);
@@ -152,17 +158,26 @@ impl<'a> Scene<'a> {
         Ok(Self { batch, latents })
     }
 
-    fn model_log_likelihoods(&self, model: &Model) -> (Tensor<1>, Tensor<1>) {
+    /// Of the next latent and of the reward.
+    fn predictions(&self, model: &Model) -> (Gaussian, Gaussian) {
         let (dynamics, _) = model.world.dynamics.forward(self.latents.clone(), self.batch.actions.clone(), None);
-        let reward = model.world.reward.forward(self.latents.clone(), self.batch.actions.clone());
+        (dynamics, model.world.reward.forward(self.latents.clone(), self.batch.actions.clone()))
+    }
+
+    fn model_log_likelihoods(&self, model: &Model) -> (Tensor<1>, Tensor<1>) {
+        let (dynamics, reward) = self.predictions(model);
         (self.of_next_latents(&dynamics), self.of_rewards(&reward))
     }
 
     fn critic_log_likelihoods(&self, critic: &Critic, model: &Model) -> Result<(Tensor<1>, Tensor<1>)> {
         let features = critic.adversary.observe.forward(self.batch.frames.clone(), self.batch.length)?;
         let states = critic.adversary.states(features, self.latents.clone(), self.batch.actions.clone());
-        let reward = reward::gaussian(critic.reward.forward(states.clone()), model.config.reward_floor);
-        Ok((self.of_next_latents(&critic.adversary.predict(states)), self.of_rewards(&reward)))
+        let (dynamics, reward) = self.predictions(model);
+        let dynamics =
+            corrected(&dynamics, critic.adversary.head.forward(states.clone()), model.config.prediction_floor);
+        let dynamics = Gaussian { mean: unit_norm(dynamics.mean), ..dynamics };
+        let reward = corrected(&reward, critic.reward.forward(states), model.config.reward_floor);
+        Ok((self.of_next_latents(&dynamics), self.of_rewards(&reward)))
     }
 
     /// Mean over the rows that count and have a successor in the window.
@@ -178,6 +193,15 @@ impl<'a> Scene<'a> {
     fn of_rewards(&self, prediction: &Gaussian) -> Tensor<1> {
         (prediction.log_prob(self.batch.rewards.clone()) * self.batch.counted.clone()).sum() / self.batch.count
     }
+}
+
+/// A prediction with its mean moved by the first columns of `correction`, in units of its own standard deviation, and what its standard deviation has above
+/// `floor` scaled by the exponential of the last.
+fn corrected(prediction: &Gaussian, correction: Tensor<3>, floor: f32) -> Gaussian {
+    let dims = correction.dims()[2] - 1;
+    let above = (prediction.std.clone() - floor) * correction.clone().narrow(2, dims, 1).exp();
+    let mean = prediction.mean.clone() + correction.narrow(2, 0, dims) * prediction.std.clone();
+    Gaussian { mean, std: above + floor }
 }
 
 fn scalar(value: &Tensor<1>) -> f64 {

@@ -4,7 +4,7 @@
 //! is recorded for gradient checkpointing; the caller then falls back to [`plain`](super::plain) operations.
 
 use burn::backend::{Autodiff, Flex};
-use burn::tensor::{DType, Device, Tensor};
+use burn::tensor::{DType, Device, Int, IntDType, Tensor};
 use burn_flex::FlexTensor;
 
 /// A tensor primitive that autodiff follows.
@@ -37,6 +37,13 @@ pub(super) fn unfollowed<const D: usize>(tensor: Tensor<D>) -> Option<FlexTensor
     }
     let tensor = tensor.try_into_primitive::<Flex>().ok()?;
     Some(tensor.to_contiguous())
+}
+
+/// Pixels on `flex` as bytes in one piece.
+pub(super) fn bytes(pixels: &Tensor<4, Int>) -> Option<FlexTensor> {
+    let pixels = if pixels.device().is_autodiff() { pixels.clone().inner() } else { pixels.clone() };
+    let pixels = if pixels.dtype() == DType::U8 { pixels } else { pixels.cast(IntDType::U8) };
+    Some(pixels.try_into_primitive::<Flex>().ok()?.to_contiguous())
 }
 
 /// A tensor in one piece as numbers.

@@ -2,9 +2,11 @@
 //!
 //! In and out: as the functions of the same name in [`kernels`](super).
 
-use burn::tensor::{Int, Tensor, activation, module::conv2d, ops::ConvOptions};
+use burn::tensor::module::{conv_transpose2d, conv2d};
+use burn::tensor::ops::{ConvOptions, ConvTransposeOptions};
+use burn::tensor::{Int, Tensor, activation};
 
-use super::ConvLayer;
+use super::{ConvLayer, TransposedLayer};
 
 /// Convolutional features of pixels, as [`features`](super::features) defines them.
 pub fn features(pixels: Tensor<4, Int>, layers: &[ConvLayer]) -> Tensor<2> {
@@ -14,6 +16,20 @@ pub fn features(pixels: Tensor<4, Int>, layers: &[ConvLayer]) -> Tensor<2> {
         activation::relu(conv2d(x, layer.weight.clone(), Some(layer.bias.clone()), options))
     });
     y.permute([0, 2, 3, 1]).flatten(1, 3)
+}
+
+/// A transposed convolution, as [`transposed`](super::transposed()) defines it.
+pub fn transposed(maps: Tensor<4>, layer: &TransposedLayer) -> Tensor<4> {
+    let options = ConvTransposeOptions::new([2, 2], [0, 0], layer.padding, [1, 1], 1);
+    let maps = maps.permute([0, 3, 1, 2]);
+    let y = conv_transpose2d(maps, layer.weight.clone(), Some(layer.bias.clone()), options).permute([0, 2, 3, 1]);
+    if layer.relu { activation::relu(y) } else { y }
+}
+
+/// Squared errors of pictures, as [`pixel_error`](super::pixel_error()) defines them.
+pub fn pixel_error(pictures: Tensor<4>, pixels: Tensor<4, Int>) -> Tensor<1> {
+    let errors: Tensor<2> = (pictures - (pixels.float() / 255.0 - 0.5)).flatten(1, 3);
+    errors.square().sum_dim(1).squeeze_dim(1)
 }
 
 /// Hidden states of a GRU, as [`gru`](super::gru) defines them.

@@ -10,7 +10,7 @@ use burn::backend::autodiff::{
     ops::{Backward, Ops, OpsKind},
 };
 use burn::backend::{Autodiff, Flex};
-use burn::tensor::{DType, Int, IntDType, Tensor};
+use burn::tensor::{Int, Tensor};
 use burn_flex::FlexTensor;
 
 use super::ConvLayer;
@@ -42,16 +42,9 @@ pub(super) fn features_with(
         return None;
     }
     let stack = Stack { layers: geometry::layers([height, width], &channels)?, instructions };
-    let input = Input { stack, bytes: bytes(pixels)? };
+    let input = Input { stack, bytes: flex::bytes(pixels)? };
     let followed = layers.iter().any(|layer| layer.weight.device().is_autodiff() || layer.bias.device().is_autodiff());
     if followed { input.followed(layers) } else { input.unfollowed(layers) }
-}
-
-/// The pixels as bytes in one piece.
-fn bytes(pixels: &Tensor<4, Int>) -> Option<FlexTensor> {
-    let pixels = if pixels.device().is_autodiff() { pixels.clone().inner() } else { pixels.clone() };
-    let pixels = if pixels.dtype() == DType::U8 { pixels } else { pixels.cast(IntDType::U8) };
-    Some(pixels.try_into_primitive::<Flex>().ok()?.to_contiguous())
 }
 
 /// What the convolutions look at.
