@@ -48,6 +48,10 @@ pub struct Options {
     /// Updates over which the world model's step size rises from zero to `lr`. Adam's first steps are as large as any, in whatever direction the first few
     /// gradients have in common; at full size a handful of them undo the calibration.
     pub lr_warmup: u64,
+    /// Updates after which both step sizes fall as one over the square root of the updates; 0 for never. What is found early at full size is later drowned by
+    /// the noise of small batches. Falling so depends on no end, so a run can go on for longer than was meant.
+    #[serde(default)]
+    pub lr_decay: u64,
     /// Adam's step size for the adversary (`η_ψ`, above `η_φ`).
     pub adversary_lr: f64,
     /// Adam's ε.
@@ -105,6 +109,8 @@ pub struct Schedule {
     pub reward_weight: f32,
     /// Adam's step size for the world model.
     pub lr: f64,
+    /// Adam's step size for the adversary.
+    pub adversary_lr: f64,
 }
 
 impl Options {
@@ -181,10 +187,15 @@ impl Options {
             Some(since) => since as f64 / self.dynamics_warmup as f64,
         };
         let warmed = (update.saturating_add(1) as f64 / self.lr_warmup.max(1) as f64).min(1.0);
+        let fallen = match self.lr_decay {
+            0 => 1.0,
+            after => (after as f64 / update.saturating_add(1) as f64).sqrt().min(1.0),
+        };
         Schedule {
             dynamics_weight: (self.dynamics_weight * risen) as f32,
             reward_weight: self.reward_weight as f32,
-            lr: self.lr * warmed,
+            lr: self.lr * warmed * fallen,
+            adversary_lr: self.adversary_lr * fallen,
         }
     }
 

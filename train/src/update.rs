@@ -110,7 +110,10 @@ impl Learner {
         let encode = watch.lap();
         let before_last = Span { length: batch.length - 1 };
         let adversary = match self.model.adversary.take() {
-            Some(adversary) => Some(self.adversary_step(adversary, batch, &heard, before_last, options)?),
+            Some(adversary) => {
+                let lr = schedule.adversary_lr;
+                Some(self.adversary_step(adversary, batch, &heard, before_last, (lr, options.gradient_clip as f32))?)
+            }
             None => None,
         };
         let adversary_ms = watch.lap();
@@ -132,7 +135,7 @@ impl Learner {
         batch: &Batch,
         heard: &Tensor<3>,
         span: Span,
-        options: &Options,
+        (lr, clip): (f64, f32),
     ) -> Result<AdversaryStep> {
         let fixed = heard.clone().detach();
         let actions = span.of(batch.actions.clone());
@@ -144,8 +147,7 @@ impl Learner {
         finite("the adversary's log-likelihood", scalar(&objective))?;
         let gradients = NamedGradients::take(&adversary, &mut objective.neg().backward());
         let gradient_norm = finite("the adversary's gradient norm", gradients.norm(""))?;
-        let adversary =
-            self.adversary_optimizer.step(adversary, gradients, options.adversary_lr, options.gradient_clip as f32);
+        let adversary = self.adversary_optimizer.step(adversary, gradients, lr, clip);
         let prediction = adversary.valid().forward(features.inner(), span.of(heard.clone()), actions);
         self.model.adversary = Some(adversary);
         Ok(AdversaryStep { prediction, gradient_norm })

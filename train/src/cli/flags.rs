@@ -55,6 +55,9 @@ struct OptionFlags {
     /// Updates over which it rises from 0.
     #[arg(long)]
     lr_warmup: Option<u64>,
+    /// Updates after which both step sizes fall as 1/√updates; 0 for never.
+    #[arg(long)]
+    lr_decay: Option<u64>,
     /// Step size of the adversary.
     #[arg(long)]
     adversary_lr: Option<f64>,

@@ -20,6 +20,7 @@ pub fn small() -> Options {
         burn_in: 2,
         lr: 1e-3,
         lr_warmup: 1000,
+        lr_decay: 0,
         adversary_lr: 2e-3,
         adam_epsilon: 1e-8,
         gradient_clip: 100.0,

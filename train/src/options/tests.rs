@@ -45,6 +45,9 @@ fn warm_up_rises_to_the_weight() {
     let warmed = Options { lr: 1.0, lr_warmup: 4, ..small() };
     assert_eq!([0, 1, 3, 9].map(|update| warmed.schedule(update, None).lr), [0.25, 0.5, 1.0, 1.0]);
     assert_eq!(at_once.schedule(0, Some(0)).dynamics_weight, 0.03);
+    let falling = Options { lr: 1.0, adversary_lr: 2.0, lr_warmup: 0, lr_decay: 100, ..small() };
+    assert_eq!([0, 99, 399].map(|update| falling.schedule(update, None).lr), [1.0, 1.0, 0.5]);
+    assert_eq!(falling.schedule(399, None).adversary_lr, 1.0);
 }
 
 #[test]

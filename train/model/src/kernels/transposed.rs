@@ -6,6 +6,7 @@ use burn::tensor::Tensor;
 
 use super::{Instructions, plain};
 
+mod layout;
 mod maps;
 mod operation;
 #[cfg(test)]

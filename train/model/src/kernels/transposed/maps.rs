@@ -2,37 +2,16 @@
 //!
 //! In: `[frames, height, width, in]` maps and a layer's numbers. Out: the larger maps; for the backward pass the gradients of maps, weight and bias.
 //!
-//! A row of the product has four segments, one for each row of the kernel: the four taps beside each other, each with all output channels. A segment falls on
-//! neighbouring numbers of one output row. Segments are padded to a whole number of [`LANES`], so none of those pieces crosses a panel.
 //! Work is split over cores by frames in fixed shares, and sums are added in a fixed order: the result does not depend on how many cores there are.
 
 use rayon::prelude::*;
 
-use crate::kernels::instructions::Instructions;
-use crate::kernels::lanes::LANES;
+use super::layout::{SIDE, Sizes};
 use crate::kernels::memory::Buffer;
 use crate::kernels::product::{Left, PANEL};
 
-/// Rows, or columns, of the kernel.
-const SIDE: usize = 4;
 /// Shares of the frames, each with its own sums of weight gradients.
 const SHARES: usize = 8;
-/// Numbers of the product made at a time; they stay in a core's own cache.
-const PRODUCT: usize = 64 * 1024;
-
-/// Sizes of one layer.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Sizes {
-    pub(super) frames: usize,
-    /// Height and width of the input.
-    pub(super) input: [usize; 2],
-    /// Height and width of the output.
-    pub(super) output: [usize; 2],
-    pub(super) in_channels: usize,
-    pub(super) out_channels: usize,
-    pub(super) relu: bool,
-    pub(super) instructions: Instructions,
-}
 
 /// Gradients of one layer: of the maps and, in Burn's order, of weight and bias.
 #[derive(Debug)]
@@ -43,48 +22,6 @@ pub(super) struct Gradients {
 }
 
 impl Sizes {
-    fn positions(&self) -> usize {
-        self.input[0] * self.input[1]
-    }
-
-    fn input_len(&self) -> usize {
-        self.positions() * self.in_channels
-    }
-
-    fn output_len(&self) -> usize {
-        self.output[0] * self.output[1] * self.out_channels
-    }
-
-    /// Numbers of a segment that are used, and with padding.
-    fn segment(&self) -> [usize; 2] {
-        let used = SIDE * self.out_channels;
-        [used, used.next_multiple_of(LANES)]
-    }
-
-    /// Columns of the product, in whole panels.
-    fn columns(&self) -> usize {
-        (SIDE * self.segment()[1]).next_multiple_of(PANEL)
-    }
-
-    /// Channels of the input, in whole panels.
-    fn channels(&self) -> usize {
-        self.in_channels.next_multiple_of(PANEL)
-    }
-
-    /// Frames worked on at a time.
-    fn block(&self) -> usize {
-        (PRODUCT / (self.positions() * self.columns())).clamp(1, 64)
-    }
-
-    fn share(&self) -> usize {
-        self.frames.div_ceil(SHARES).max(1)
-    }
-
-    /// The column of the product for a tap and an output channel.
-    fn column(&self, tap: usize, channel: usize) -> usize {
-        tap / SIDE * self.segment()[1] + tap % SIDE * self.out_channels + channel
-    }
-
     /// The larger maps.
     pub(super) fn forward(&self, maps: &[f32], weight: &[f32], bias: &[f32]) -> Vec<f32> {
         let weight = self.panels(weight);
@@ -122,7 +59,7 @@ impl Sizes {
     pub(super) fn backward(&self, maps: &[f32], weight: &[f32], output: &[f32], gradient: &[f32]) -> Gradients {
         let turned = self.turned_panels(weight);
         let mut found = vec![0.0; maps.len()];
-        let share = self.share();
+        let share = self.frames.div_ceil(SHARES).max(1);
         let shares: Vec<Sums> = found
             .par_chunks_mut(share * self.input_len())
             .zip(maps.par_chunks(share * self.input_len()))
@@ -195,56 +132,6 @@ impl Sizes {
         }
     }
 
-    /// Calls `of(place in the product, place in the output, length)` for every piece of every segment of a block of `rows` positions.
-    #[inline(always)]
-    fn each_piece(&self, rows: usize, mut of: impl FnMut(usize, usize, usize)) {
-        let ([height, width], [used, padded]) = (self.input, self.segment());
-        let line = self.output[1] * self.out_channels;
-        for row in 0..rows {
-            let (frame, i, j) = (row / (height * width), row / width % height, row % width);
-            for k in 0..SIDE {
-                let place = frame * self.output_len() + (2 * i + k) * line + 2 * j * self.out_channels;
-                for piece in (0..used).step_by(LANES) {
-                    let column = k * padded + piece;
-                    let at = column / PANEL * rows * PANEL + row * PANEL + column % PANEL;
-                    of(at, place + piece, LANES.min(used - piece));
-                }
-            }
-        }
-    }
-
-    /// Maps as panels `[channels/PANEL][rows, PANEL]`.
-    fn input_panels(&self, maps: &[f32]) -> Buffer {
-        let rows = maps.len() / self.in_channels;
-        let mut panels = Buffer::zeros(rows * self.channels());
-        for (index, panel) in panels.chunks_exact_mut(rows * PANEL).enumerate() {
-            let first = index * PANEL;
-            let width = PANEL.min(self.in_channels - first);
-            for (panel, row) in panel.chunks_exact_mut(PANEL).zip(maps.chunks_exact(self.in_channels)) {
-                panel[..width].copy_from_slice(&row[first..first + width]);
-            }
-        }
-        panels
-    }
-
-    /// Weights as panels `[columns/PANEL][channels, PANEL]`.
-    fn panels(&self, weight: &[f32]) -> Buffer {
-        let mut panels = Buffer::zeros(self.channels() * self.columns());
-        self.each_weight(|at, input, column| {
-            panels[(column / PANEL * self.channels() + input) * PANEL + column % PANEL] = weight[at];
-        });
-        panels
-    }
-
-    /// Weights turned round, as panels `[channels/PANEL][columns, PANEL]`.
-    fn turned_panels(&self, weight: &[f32]) -> Buffer {
-        let mut panels = Buffer::zeros(self.channels() * self.columns());
-        self.each_weight(|at, input, column| {
-            panels[(input / PANEL * self.columns() + column) * PANEL + input % PANEL] = weight[at];
-        });
-        panels
-    }
-
     /// The gradient of the weight in Burn's order, from the shares' sums, added in their order.
     fn weight_gradient(&self, shares: &[Sums]) -> Vec<f32> {
         let mut gradient = vec![0.0; self.in_channels * self.out_channels * SIDE * SIDE];
@@ -253,17 +140,6 @@ impl Sizes {
             gradient[at] = shares.iter().map(|share| share.weight[place]).sum();
         });
         gradient
-    }
-
-    /// Calls `of(place in Burn's order, input channel, column of the product)` for every weight.
-    fn each_weight(&self, mut of: impl FnMut(usize, usize, usize)) {
-        for input in 0..self.in_channels {
-            for output in 0..self.out_channels {
-                for tap in 0..SIDE * SIDE {
-                    of((input * self.out_channels + output) * SIDE * SIDE + tap, input, self.column(tap, output));
-                }
-            }
-        }
     }
 }
 

@@ -12,7 +12,7 @@ use burn::tensor::{Device, Tensor};
 use burn_flex::FlexTensor;
 
 use super::TransposedLayer;
-use super::maps::Sizes;
+use super::layout::Sizes;
 use crate::kernels::flex::{self, Followed};
 use crate::kernels::instructions::Instructions;
 
