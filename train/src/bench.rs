@@ -12,6 +12,7 @@ use vibes_model::{Model, ObservationKind};
 
 use crate::batch::Batch;
 use crate::error::Result;
+use crate::objective::Objective;
 use crate::options::Options;
 use crate::update::{Learner, Phases};
 use crate::windows::Windows;
@@ -81,7 +82,7 @@ pub fn bench(options: &Options, sizes: Sizes, recording: Option<&Recording>, dev
     let batch = Batch::new(&windows, &learner.model.config, options.burn_in, &autodiff)?;
     let mut parts = phase_parts(&phases);
     parts.extend(layer_parts(&learner, &batch, sizes.repeats)?);
-    let convolution_gflop = convolution_gflop(options, sizes, learner.model.adversary.is_some());
+    let convolution_gflop = convolution_gflop(options, sizes);
     Ok(Report {
         update_ms,
         parts,
@@ -152,21 +153,27 @@ fn matrix_product_gflops(device: &Device, repeats: usize) -> f64 {
     2.0 * (SIDE as f64).powi(3) / median(&times) / 1e6
 }
 
-/// Forward, weight gradient, and (but for the pixels) input gradient of every convolution, for the encoder and the adversary.
-fn convolution_gflop(options: &Options, sizes: Sizes, adversary: bool) -> f64 {
-    let (mut side, mut input, mut per_frame) = (sizes.picture, 3, 0.0);
+/// Forward, weight gradient, and (but for the pixels) input gradient of every convolution, for the encoder, the adversary and the decoder.
+fn convolution_gflop(options: &Options, sizes: Sizes) -> f64 {
+    let (mut side, mut input, mut encode, mut decode) = (sizes.picture, 3, 0.0, 0.0);
     for layer in 0..4 {
         if side < 4 {
             break;
         }
         side = (side - 4) / 2 + 1;
         let output = options.depth << layer;
-        let passes = if layer == 0 { 2.0 } else { 3.0 };
-        per_frame += passes * 2.0 * (side * side * 16 * input * output) as f64;
+        let pass = 2.0 * (side * side * 16 * input * output) as f64;
+        encode += pass * if layer == 0 { 2.0 } else { 3.0 };
+        // The decoder's layer between the same two sizes, run the other way.
+        decode += pass * 3.0;
         input = output;
     }
-    let frames = options.batch * (options.length + if adversary { options.length - 1 } else { 0 });
-    per_frame * frames as f64 / 1e9
+    let window = match options.objective {
+        Objective::Vibes => encode * (2 * options.length - 1) as f64,
+        Objective::NoAdversary => encode * options.length as f64,
+        Objective::Reconstruction => (encode + decode) * options.length as f64,
+    };
+    window * options.batch as f64 / 1e9
 }
 
 pub(crate) fn made_up_spec(sizes: Sizes) -> Spec {
