@@ -1,5 +1,6 @@
 //! The command line of `vibes-collect`: arguments, dispatch, progress, exit codes. The only part of this package that prints.
 
+mod axis_seeds;
 mod bench;
 mod config;
 mod export;

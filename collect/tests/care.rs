@@ -6,7 +6,7 @@
 #[path = "../../data/tests/synthetic/mod.rs"]
 mod synthetic;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use vibes_collect::care::select::{Filter, write_subset};
 use vibes_collect::care::split::{SplitBy, split};
 use vibes_data::{Episode, FileTransfer, Recording, RecordingWriter, Video, verify_recording};
 
-use synthetic::{episode, info, manifest, recording, spec};
+use synthetic::{episode, episodes, files, info, manifest, recording, spec};
 
 /// Plain episodes under another seed and other videos.
 fn plain(folder: &Path, count: u32, seed: u64, videos: &[&str]) -> Recording {
@@ -29,16 +29,6 @@ fn plain(folder: &Path, count: u32, seed: u64, videos: &[&str]) -> Recording {
         writer.write(&episode(&spec, index, None, 9, index % 2 == 1), info).unwrap();
     }
     writer.finish().unwrap()
-}
-
-fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let listed = fs::read_dir(folder.join("episodes")).unwrap().map(|file| file.unwrap().path());
-    let all = listed.chain([folder.join("manifest.json")]);
-    all.map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), fs::read(path).unwrap())).collect()
-}
-
-fn episodes(recording: &Recording) -> Vec<Episode> {
-    recording.episodes().iter().map(|entry| recording.episode(entry.index).unwrap().to_episode()).collect()
 }
 
 #[test]

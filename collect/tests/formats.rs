@@ -6,7 +6,7 @@
 #[path = "../../data/tests/synthetic/mod.rs"]
 mod synthetic;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
@@ -15,9 +15,9 @@ use arrow::datatypes::{Float32Type, Float64Type, Int64Type};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use vibes_collect::care::export::{ExportFormat, Pictures, export};
 use vibes_collect::care::import::{ImportFormat, ImportOptions, import};
-use vibes_data::{Episode, Recording, RecordingWriter, verify_recording};
+use vibes_data::{Recording, RecordingWriter, verify_recording};
 
-use synthetic::{episode, info, manifest, recording, spec};
+use synthetic::{episode, episodes, files, info, manifest, recording, spec};
 
 /// Plain episodes, every other one terminal.
 fn plain(folder: &Path, count: u32) -> Recording {
@@ -27,16 +27,6 @@ fn plain(folder: &Path, count: u32) -> Recording {
         writer.write(&episode(&spec, index, None, 9, index % 2 == 1), info(index)).unwrap();
     }
     writer.finish().unwrap()
-}
-
-fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let listed = fs::read_dir(folder.join("episodes")).unwrap().map(|file| file.unwrap().path());
-    let all = listed.chain([folder.join("manifest.json")]);
-    all.map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), fs::read(path).unwrap())).collect()
-}
-
-fn episodes(recording: &Recording) -> Vec<Episode> {
-    recording.episodes().iter().map(|entry| recording.episode(entry.index).unwrap().to_episode()).collect()
 }
 
 #[test]

@@ -38,7 +38,7 @@ fn about(page: &mut String, info: &RunInfo) {
             options.latent, options.hidden, options.depth, options.batch, options.length, options.burn_in
         ),
         format!(
-            "dynamics weight {} (rising over {} updates, from update {} and a gain of {} nats on), reward weight {}, step sizes {} and {} (adversary), first scales {}",
+            "dynamics weight {} (rising over {} updates, from update {} and a gain of {} nats on), reward weight {}, step sizes {} and {} (adversary){}, first scales {}",
             options.dynamics_weight,
             options.dynamics_warmup,
             options.dynamics_start,
@@ -46,6 +46,7 @@ fn about(page: &mut String, info: &RunInfo) {
             options.reward_weight,
             options.lr,
             options.adversary_lr,
+            if options.lr_decay > 0 { format!(", falling after {} updates", options.lr_decay) } else { String::new() },
             if options.calibrate { "set by data" } else { "as drawn" }
         ),
         format!("seed {}; {}", options.seed, versions.join(", ")),

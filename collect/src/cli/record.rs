@@ -7,9 +7,10 @@ use anyhow::{Result, bail};
 use clap::Args;
 use vibes_data::{Grid, Recording};
 
+use super::axis_seeds::AxisSeedArgs;
 use super::{Outcome, OutputArgs, show};
 use crate::distractors::{Axes, Difficulty, DistractorSettings};
-use crate::plan::{ChosenSeeds, RecordOptions};
+use crate::plan::RecordOptions;
 use crate::recorder::{Progress, RecordRun, Source, record};
 use crate::render::Look;
 use crate::videos::{VideoSet, VideoSource};
@@ -77,15 +78,8 @@ pub(super) struct RecordArgs {
     /// The seed of everything.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Seed of the videos alone; then the same states and cameras have other backgrounds.
-    #[arg(long, value_name = "N")]
-    background_seed: Option<u64>,
-    /// Seed of the camera's walk alone.
-    #[arg(long, value_name = "N")]
-    camera_seed: Option<u64>,
-    /// Seed of the colours alone.
-    #[arg(long, value_name = "N")]
-    color_seed: Option<u64>,
+    #[command(flatten)]
+    axis_seeds: AxisSeedArgs,
     /// Write no MCAP logs, only Arrow tables.
     #[arg(long)]
     no_mcap: bool,
@@ -138,11 +132,7 @@ impl RecordArgs {
             video_count: self.video_count.map(usize::from),
             size: (!self.no_pixels).then_some(self.size),
             look: self.render,
-            axis_seeds: ChosenSeeds {
-                background: self.background_seed,
-                camera: self.camera_seed,
-                color: self.color_seed,
-            },
+            axis_seeds: self.axis_seeds.into(),
             rotated: None,
         })
     }

@@ -6,10 +6,10 @@ use anyhow::Result;
 use clap::Args;
 use vibes_data::Recording;
 
+use super::axis_seeds::AxisSeedArgs;
 use super::record::{cores, stop_on_interrupt, told};
 use super::{Outcome, OutputArgs};
 use crate::distractors::{Axes, Difficulty};
-use crate::plan::ChosenSeeds;
 use crate::redraw::{NewDistractors, Redraw};
 use crate::render::Look;
 use crate::videos::{VideoSet, VideoSource};
@@ -45,15 +45,8 @@ pub(super) struct RenderArgs {
     /// Seed of new distractors; the states stay.
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Seed of the videos alone.
-    #[arg(long, value_name = "N")]
-    background_seed: Option<u64>,
-    /// Seed of the camera's walk alone.
-    #[arg(long, value_name = "N")]
-    camera_seed: Option<u64>,
-    /// Seed of the colours alone.
-    #[arg(long, value_name = "N")]
-    color_seed: Option<u64>,
+    #[command(flatten)]
+    axis_seeds: AxisSeedArgs,
     /// Side of the pictures, pixels [default: the recording's].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=2048))]
     size: Option<u32>,
@@ -82,8 +75,6 @@ impl RenderArgs {
             Some("procedural") => VideoSource::Procedural,
             _ => VideoSource::Folder(folder.clone()),
         };
-        let seeds = [self.background_seed, self.camera_seed, self.color_seed];
-        let [background, camera, color] = seeds;
         Redraw {
             distractors: NewDistractors {
                 axes: self.distract,
@@ -93,7 +84,7 @@ impl RenderArgs {
                 video_set: self.video_set,
                 video_count: self.video_count.map(usize::from),
                 seed: self.seed,
-                axis_seeds: ChosenSeeds { background, camera, color },
+                axis_seeds: self.axis_seeds.into(),
             },
             size: self.size,
             look: self.render,

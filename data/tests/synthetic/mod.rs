@@ -2,6 +2,7 @@
 //! place shows. The reward of step t is `reward_of(observation_t, action_t)`.
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::Path;
 
 use vibes_data::{
@@ -88,4 +89,16 @@ pub(crate) fn recording(path: &Path, states: u32, distractors: u32) -> Recording
         writer.write(&episode(&spec, index, Some(cell), 9, false), info(index)).unwrap();
     }
     writer.finish().unwrap()
+}
+
+/// Every file of a recording by name.
+pub(crate) fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let listed = fs::read_dir(folder.join("episodes")).unwrap().map(|file| file.unwrap().path());
+    let all = listed.chain([folder.join("manifest.json")]);
+    all.map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), fs::read(path).unwrap())).collect()
+}
+
+/// Every episode, in memory.
+pub(crate) fn episodes(recording: &Recording) -> Vec<Episode> {
+    recording.episodes().iter().map(|entry| recording.episode(entry.index).unwrap().to_episode()).collect()
 }
