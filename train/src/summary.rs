@@ -134,7 +134,7 @@ fn text<'a>(probe: &'a Json, key: &str) -> &'a str {
 /// Whether a probe is one of the many of the materials' colours.
 fn is_color(probe: &Json) -> bool {
     text(probe, "kind") == "distractor"
-        && ["red", "green", "blue"].iter().any(|channel| text(probe, "name").ends_with(channel))
+        && [" red", " green", " blue"].iter().any(|channel| text(probe, "name").ends_with(channel))
 }
 
 /// Means over probes, as cells of a table.

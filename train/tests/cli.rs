@@ -152,7 +152,8 @@ fn evaluate_on_a_grid_while_training_and_after() {
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let names: Vec<&str> =
         found["report"]["probes"].as_array().unwrap().iter().map(|probe| probe["name"].as_str().unwrap()).collect();
-    assert!(names.contains(&"coin[0]"), "{names:?}");
+    assert!(names.contains(&"coin[0]") && names.contains(&"coin[1] squared"), "{names:?}");
+    assert!(!names.contains(&"coin[0] squared"), "what never changes cannot be read: {names:?}");
     let gap = |name: &str| found["gaps"][name].as_f64().unwrap();
     assert!((gap("dynamics_gap") - (gap("dynamics_of_critic") - gap("dynamics"))).abs() < 1e-9);
     // A recording that is no grid cannot be evaluated on.

@@ -78,7 +78,7 @@ fn print_report(report: &Report) {
     );
     println!("within a state           {:.3} of all variance", shares.within_state);
     println!("{:<32} {:>8} {:>13} {:>7}", "read by ridge, held out (R²)", "latents", "past actions", "chance");
-    let is_color = |probe: &&Probe| ["red", "green", "blue"].iter().any(|channel| probe.name.ends_with(channel));
+    let is_color = |probe: &&Probe| [" red", " green", " blue"].iter().any(|channel| probe.name.ends_with(channel));
     for probe in report.probes.iter().filter(|probe| !is_color(probe)) {
         println!(
             "{:<32} {:>8.3} {:>13.3} {:>7.3}",

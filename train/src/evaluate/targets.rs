@@ -63,8 +63,12 @@ enum Hold {
     Distractors,
 }
 
+/// The observation's numbers, their squares, and the distance to a target. The squares are what a latent can hold of a number while it cannot tell left from
+/// right: a task that is its own mirror image earns the same rewards on both sides.
 fn task_probes(spec: &Spec, cells: &Cells, latents: &GridTable, actions: &GridTable) -> Vec<Probe> {
     let mut names = spec.observation_names();
+    let squares: Vec<String> = names.iter().map(|name| format!("{name} squared")).collect();
+    names.extend(squares);
     let target = part_range(spec, "to_target");
     if target.is_some() {
         names.push("distance to target".to_owned());
@@ -72,6 +76,7 @@ fn task_probes(spec: &Spec, cells: &Cells, latents: &GridTable, actions: &GridTa
     let table = cells.table(names.len(), |view, row, out| {
         let observation = view.observation(row);
         out.extend_from_slice(observation);
+        out.extend(observation.iter().map(|x| x * x));
         if let Some(range) = target.clone() {
             out.push(observation[range].iter().map(|x| x * x).sum::<f32>().sqrt());
         }
