@@ -6,7 +6,7 @@
 export CARGO_TARGET_DIR ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/vibes-toolkit/target
 export PATH := $(CARGO_TARGET_DIR)/debug:$(PATH)
 
-.PHONY: setup build demo test check bench
+.PHONY: setup build demo test check bench gpu-test
 
 setup: ## MuJoCo, the suite's models, EGL
 	@setup/fetch.sh
@@ -33,3 +33,14 @@ bench: build ## rate cards of the three programs
 	vibes-collect bench
 	vibes-train bench
 	vibes-analyze bench
+
+# Vulkan on the CPU: Debian's and Ubuntu's libvulkan1 and mesa-vulkan-drivers. VULKAN= with another driver's file tests that driver.
+VULKAN ?= $(firstword $(wildcard /usr/share/vulkan/icd.d/lvp_icd*.json))
+
+gpu-test: export CARGO_TARGET_DIR := $(CARGO_TARGET_DIR)/gpu
+gpu-test: setup ## the model on wgpu beside flex, and that cuda compiles; not in CI, because it builds Burn a second time
+	@[ -f "$(VULKAN)" ] || { echo "gpu-test: lavapipe is missing; sudo apt-get install -y libvulkan1 mesa-vulkan-drivers" >&2; exit 1; }
+	VK_DRIVER_FILES=$(VULKAN) VK_ICD_FILENAMES=$(VULKAN) cargo test -p vibes-model -p vibes-train --features vibes-train/wgpu --test devices
+	cargo clippy -p vibes-model -p vibes-train --features vibes-train/wgpu --tests -- -D warnings
+# Only types are checked, so the LLVM that a build with cuda fetches and links is left out, as on docs.rs.
+	DOCS_RS=1 cargo clippy -p vibes-train --features cuda -- -D warnings

@@ -1,9 +1,8 @@
-//! Which backend tensors live on. `flex` (CPU) is always there; `wgpu` and `cuda` are cargo features.
+//! Which backend tensors live on. `flex` (CPU) is always there; `wgpu` and `cuda` are cargo features. In: a name. Out: the device, or why it cannot be had.
 
 use anyhow::Result;
 use burn::tensor::Device;
 use clap::ValueEnum;
-use vibes_train::TrainError;
 
 /// A backend by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -37,7 +36,12 @@ fn ndarray() -> Device {
 
 #[cfg(feature = "wgpu")]
 fn wgpu() -> Result<Device> {
-    Ok(Device::wgpu(Default::default()))
+    // `Device::wgpu` would look for a GPU at the first tensor, and panic where there is none.
+    Device::wgpu_options().init().map_err(|error| {
+        anyhow::anyhow!(
+            "{error}; --device wgpu needs a GPU with a driver for Vulkan, Metal or DirectX 12, or Mesa's lavapipe"
+        )
+    })
 }
 
 #[cfg(not(feature = "wgpu"))]
@@ -47,6 +51,10 @@ fn wgpu() -> Result<Device> {
 
 #[cfg(feature = "cuda")]
 fn cuda() -> Result<Device> {
+    // Asked first, because the first tensor on a device that is not there panics.
+    if Device::enumerate(burn::tensor::DeviceType::Cuda).is_empty() {
+        anyhow::bail!("no CUDA device; --device cuda needs an NVIDIA GPU with its driver and the CUDA toolkit");
+    }
     Ok(Device::cuda(0))
 }
 
@@ -60,5 +68,5 @@ fn missing(name: &str) -> Result<Device> {
     let message = format!(
         "this program was built without {name}; build it with `cargo build --features vibes-train/{name}`, or use --device flex"
     );
-    Err(TrainError::Options(message).into())
+    Err(vibes_train::TrainError::Options(message).into())
 }
