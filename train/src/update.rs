@@ -111,8 +111,7 @@ impl Learner {
         let before_last = Span { length: batch.length - 1 };
         let adversary = match self.model.adversary.take() {
             Some(adversary) => {
-                let lr = schedule.adversary_lr;
-                Some(self.adversary_step(adversary, batch, &heard, before_last, (lr, options.gradient_clip as f32))?)
+                Some(self.adversary_step(adversary, batch, &heard, before_last, schedule.adversary_lr, options)?)
             }
             None => None,
         };
@@ -135,7 +134,8 @@ impl Learner {
         batch: &Batch,
         heard: &Tensor<3>,
         span: Span,
-        (lr, clip): (f64, f32),
+        lr: f64,
+        options: &Options,
     ) -> Result<AdversaryStep> {
         let fixed = heard.clone().detach();
         let actions = span.of(batch.actions.clone());
@@ -147,7 +147,7 @@ impl Learner {
         finite("the adversary's log-likelihood", scalar(&objective))?;
         let gradients = NamedGradients::take(&adversary, &mut objective.neg().backward());
         let gradient_norm = finite("the adversary's gradient norm", gradients.norm(""))?;
-        let adversary = self.adversary_optimizer.step(adversary, gradients, lr, clip);
+        let adversary = self.adversary_optimizer.step(adversary, gradients, lr, options.gradient_clip as f32);
         let prediction = adversary.valid().forward(features.inner(), span.of(heard.clone()), actions);
         self.model.adversary = Some(adversary);
         Ok(AdversaryStep { prediction, gradient_norm })

@@ -54,7 +54,7 @@ impl Adversary {
     }
 
     /// The prediction made from hidden states.
-    pub fn predict(&self, states: Tensor<3>) -> Gaussian {
+    fn predict(&self, states: Tensor<3>) -> Gaussian {
         Gaussian::unit_mean(self.head.forward(states), self.floor)
     }
 }

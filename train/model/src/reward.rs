@@ -6,7 +6,6 @@ use rand::Rng;
 
 use crate::config::ModelConfig;
 use crate::gaussian::Gaussian;
-use crate::linear::Linear;
 use crate::mlp::{Mlp, MlpConfig};
 
 /// Latent and action to the reward earned there.
@@ -33,11 +32,9 @@ impl Reward {
         let std = (rewards.iter().map(|reward| (reward - mean).powi(2)).sum::<f32>() / count).sqrt();
         // The inverse of softplus, where the floor leaves anything to invert.
         let above = (std - self.floor).max(1e-3);
-        let last = self.head.last.clone();
-        self.head.last = Linear {
-            weight: last.weight.map(|weight| weight.zeros_like()),
-            bias: last.bias.map(|bias| Tensor::from_data([mean, above.exp_m1().ln()], &bias.device())),
-        };
+        self.head = self.head.silenced();
+        let bias = self.head.last.bias.clone();
+        self.head.last.bias = bias.map(|bias| Tensor::from_data([mean, above.exp_m1().ln()], &bias.device()));
         self
     }
 
@@ -54,7 +51,7 @@ impl Reward {
 ///
 /// # Shapes
 /// - `output`: `[length, batch, 2]`
-pub fn gaussian(output: Tensor<3>, floor: f32) -> Gaussian {
+fn gaussian(output: Tensor<3>, floor: f32) -> Gaussian {
     let std = softplus(output.clone().narrow(2, 1, 1), 1.0) + floor;
     Gaussian { mean: output.narrow(2, 0, 1), std }
 }

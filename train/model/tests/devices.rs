@@ -2,6 +2,8 @@
 //! this package, `ndarray` and (with the cargo feature) `wgpu` run Burn's own operations.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod made_up;
+
 use std::collections::BTreeMap;
 
 use burn::module::{Module, ModuleVisitor, Param};
@@ -47,21 +49,7 @@ fn assert_near(device: &str, found: &Numbers, expected: &Numbers, tolerance: f32
 }
 
 fn config(observation: ObservationKind) -> ModelConfig {
-    ModelConfig {
-        task: "made-up".to_owned(),
-        observation,
-        action_min: vec![-1.0; ACTIONS],
-        action_max: vec![1.0; ACTIONS],
-        depth: 4,
-        hidden: 24,
-        head: 16,
-        latent: 6,
-        latent_std: 0.1,
-        prediction_floor: 0.1,
-        reward_floor: 0.1,
-        adversary: true,
-        decoder: true,
-    }
+    ModelConfig { action_min: vec![-1.0; ACTIONS], action_max: vec![1.0; ACTIONS], ..made_up::config(observation) }
 }
 
 fn random<const D: usize>(shape: [usize; D], seed: u64, device: &Device) -> Tensor<D> {

@@ -1,6 +1,8 @@
 //! The networks' shapes and laws: unit norms, the GRU against its formula step by step, what the adversary may see, and checkpoints.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod made_up;
+
 use burn::module::Module;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use rand::{Rng, SeedableRng};
@@ -11,27 +13,11 @@ use vibes_model::kernels::pixel_tensor;
 use vibes_model::mlp::elu;
 use vibes_model::observe::Frames;
 use vibes_model::parameters::{read_parameters, to_values};
-use vibes_model::{Model, ModelConfig, ModelError, ObservationKind};
+use vibes_model::{Model, ModelError, ObservationKind};
+
+use made_up::config;
 
 const SIDE: usize = 20;
-
-fn config(observation: ObservationKind) -> ModelConfig {
-    ModelConfig {
-        task: "made-up".to_owned(),
-        observation,
-        action_min: vec![-1.0, 0.0],
-        action_max: vec![1.0, 4.0],
-        depth: 4,
-        hidden: 24,
-        head: 16,
-        latent: 6,
-        latent_std: 0.1,
-        prediction_floor: 0.1,
-        reward_floor: 0.1,
-        adversary: true,
-        decoder: true,
-    }
-}
 
 fn model(observation: ObservationKind) -> Model {
     Model::init(config(observation), &mut ChaCha8Rng::seed_from_u64(3), &Device::flex()).unwrap()

@@ -83,19 +83,17 @@ impl Backward<Flex, 1> for PixelError {
     fn backward(self, ops: Ops<Self::State, 1>, gradients: &mut Gradients, _: &mut Checkpointer) {
         let (pictures, bytes) = ops.state;
         let slopes = gradients.consume::<Flex>(&ops.node).to_contiguous();
-        let Some(parent) = &ops.parents[0] else { return };
-        let (slopes, shape) = (flex::numbers(&slopes), pictures.layout().shape().clone());
-        let (pictures, bytes) = (flex::numbers(&pictures), pixels_of(&bytes));
-        let mut found = vec![0.0; pictures.len()];
-        let width = pictures.len() / slopes.len();
-        let frames = found.par_chunks_mut(width).zip(pictures.par_chunks(width).zip(bytes.par_chunks(width)));
+        let (slopes, values, bytes) = (flex::numbers(&slopes), flex::numbers(&pictures), pixels_of(&bytes));
+        let mut found = vec![0.0; values.len()];
+        let width = values.len() / slopes.len();
+        let frames = found.par_chunks_mut(width).zip(values.par_chunks(width).zip(bytes.par_chunks(width)));
         frames.zip(slopes).for_each(|((found, (picture, bytes)), slope)| {
             for (found, (value, byte)) in found.iter_mut().zip(picture.iter().zip(bytes)) {
                 *found = 2.0 * slope * (value - scaled(*byte));
             }
         });
-        let count = found.len();
-        gradients.register::<Flex>(parent.id, flex::tensor(found, [count]).reshape(shape));
+        let parents = ops.parents.iter().map(|parent| parent.as_ref().map(|parent| parent.id));
+        flex::register(gradients, parents, &[pictures], [found]);
     }
 }
 

@@ -154,12 +154,7 @@ impl<const N: usize> Backward<Flex, N> for Convolutions {
         }
         let found = stack.backward(kept.input.bytes(), &pairs(&kept.weights), &kept.activations, &padded);
         let found = found.into_iter().flat_map(|layer| [layer.weight, layer.bias]);
-        for ((parent, weight), found) in ops.parents.iter().zip(&kept.weights).zip(found) {
-            if let Some(parent) = parent {
-                let shape = weight.layout().shape().clone();
-                gradients
-                    .register::<Flex>(parent.id, flex::tensor(found, [weight.layout().num_elements()]).reshape(shape));
-            }
-        }
+        let parents = ops.parents.iter().map(|parent| parent.as_ref().map(|parent| parent.id));
+        flex::register(gradients, parents, &kept.weights, found);
     }
 }

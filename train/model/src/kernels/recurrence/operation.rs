@@ -110,13 +110,8 @@ impl Backward<Flex, 4> for Gru {
         let Kept { input, lanes } = ops.state;
         let states = gradients.consume::<Flex>(&ops.node).to_contiguous();
         let found = sequence::backward(input.sizes, input.inputs(), &lanes, flex::numbers(&states), input.instructions);
+        let parents = ops.parents.iter().map(|parent| parent.as_ref().map(|parent| parent.id));
         let found = [found.gates, found.weight, found.bias, found.initial];
-        for ((parent, tensor), found) in ops.parents.iter().zip(&input.tensors).zip(found) {
-            if let Some(parent) = parent {
-                let shape = tensor.layout().shape().clone();
-                gradients
-                    .register::<Flex>(parent.id, flex::tensor(found, [tensor.layout().num_elements()]).reshape(shape));
-            }
-        }
+        flex::register(gradients, parents, &input.tensors, found);
     }
 }

@@ -77,12 +77,7 @@ impl Backward<Flex, 3> for Transposed {
         let gradient = gradients.consume::<Flex>(&ops.node).to_contiguous();
         let [maps, weight, _] = tensors.each_ref().map(flex::numbers);
         let found = sizes.backward(maps, weight, flex::numbers(&output), flex::numbers(&gradient));
-        for ((parent, tensor), found) in ops.parents.iter().zip(&tensors).zip([found.maps, found.weight, found.bias]) {
-            if let Some(parent) = parent {
-                let shape = tensor.layout().shape().clone();
-                let found = flex::tensor(found, [tensor.layout().num_elements()]).reshape(shape);
-                gradients.register::<Flex>(parent.id, found);
-            }
-        }
+        let parents = ops.parents.iter().map(|parent| parent.as_ref().map(|parent| parent.id));
+        flex::register(gradients, parents, &tensors, [found.maps, found.weight, found.bias]);
     }
 }
