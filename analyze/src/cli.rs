@@ -104,10 +104,10 @@ fn wrong(text: impl Into<String>) -> anyhow::Error {
 
 impl From<anyhow::Error> for Stop {
     fn from(error: anyhow::Error) -> Self {
-        use crate::Error::{NoSuchRow, Option, UnknownName};
+        use vibes_measure::Error::{NoSuchRow, Option, UnknownName};
         let arguments = error.chain().any(|e| {
             e.is::<WrongArguments>()
-                || e.downcast_ref::<crate::Error>()
+                || e.downcast_ref::<vibes_measure::Error>()
                     .is_some_and(|e| matches!(e, NoSuchRow { .. } | Option { .. } | UnknownName { .. }))
         });
         if arguments { Self::Wrong(error) } else { Self::Failed(error) }

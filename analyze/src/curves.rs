@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::Error;
-use crate::intervals::{Interval, student};
+use vibes_measure::Error;
+use vibes_measure::intervals::{Interval, student};
 
 /// One place on a mean curve.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

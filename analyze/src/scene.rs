@@ -15,9 +15,9 @@ use rerun::{
 use vibes_data::Latents;
 
 use crate::input::Frames;
-use crate::neighbours::Neighbours;
 use crate::picture::color::{self, Color};
 use crate::picture::png::encode_jpeg;
+use vibes_measure::neighbours::Neighbours;
 
 /// The timeline's name: the running number of the rows shown.
 const TIMELINE: &str = "row";

@@ -53,7 +53,9 @@ fn text(path: &Path) -> &str {
 }
 
 fn golden(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join(if name == "neighbours.json" { "../measure/tests/golden" } else { "tests/golden" })
+        .join(name)
 }
 
 #[test]

@@ -14,8 +14,8 @@ use vibes_data::CameraPose;
 
 pub use compare::{PictureComparison, TraceComparison, picture_difference};
 
-use crate::distractors::Difficulty;
-use crate::distractors::camera::{CameraReset, CameraStep};
+use vibes_env::distractors::Difficulty;
+use vibes_env::distractors::camera::{CameraReset, CameraStep};
 use crate::error::{Error, Result};
 
 /// What a trace file's `format` says.

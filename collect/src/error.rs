@@ -57,12 +57,6 @@ pub enum Error {
         /// The recording.
         path: PathBuf,
     },
-    /// A task whose states cannot be turned.
-    #[error("{task} is not the same turned about the origin; reacher-easy is")]
-    NoRotation {
-        /// The task.
-        task: String,
-    },
     /// A name that is not in its list.
     #[error("unknown {what} {name}; known are {known}")]
     UnknownName {
@@ -81,108 +75,9 @@ pub enum Error {
         /// What would be right.
         expected: String,
     },
-    /// A folder holds too few videos.
-    #[error("{found} videos; {wanted} are needed, each a folder of .jpg or .png frames: {path}")]
-    TooFewVideos {
-        /// How many there are.
-        found: usize,
-        /// How many are needed.
-        wanted: usize,
-        /// The folder, or the name of the built-in source.
-        path: PathBuf,
-    },
-    /// Nothing can be drawn on this machine.
-    #[error(
-        "cannot draw without EGL: {fact}; run `make setup`, or on Debian and Ubuntu: sudo apt-get install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri libopengl0"
-    )]
-    NoEgl {
-        /// What EGL answered.
-        fact: String,
-    },
-    /// A picture that cannot be drawn.
-    #[error("cannot draw: {fact}; {expected}")]
-    Render {
-        /// What is wrong.
-        fact: String,
-        /// What would be right.
-        expected: String,
-    },
-    /// No task has that name.
-    #[error("unknown task {name}; the tasks are {known}")]
-    UnknownTask {
-        /// The name that was asked for.
-        name: String,
-        /// The names that exist.
-        known: String,
-    },
-    /// A policy, or a mix of them, that cannot be read.
-    #[error("cannot read the policy {text}: {fact}; {expected}")]
-    Policy {
-        /// What was typed.
-        text: String,
-        /// What is wrong with it.
-        fact: String,
-        /// What would be right.
-        expected: String,
-    },
-    /// MuJoCo refused a model.
-    #[error("MuJoCo cannot load the model {name}: {fact}")]
-    Model {
-        /// The model's file name.
-        name: String,
-        /// MuJoCo's answer.
-        fact: String,
-    },
-    /// A model has no object of that name.
-    #[error("the model has no {kind} named {name}; it has {known}")]
-    UnknownObject {
-        /// "geom", "body", …
-        kind: &'static str,
-        /// The name that was asked for.
-        name: String,
-        /// The names that exist.
-        known: String,
-    },
-    /// A model override that cannot be applied.
-    #[error("model override {field}: {fact}; {expected}")]
-    Override {
-        /// The field, as in `geom_pos`.
-        field: String,
-        /// What is wrong with it.
-        fact: String,
-        /// What would be right.
-        expected: String,
-    },
-    /// A list of another length than the model's.
-    #[error("{what} has {found} numbers; the task {task} has {expected}")]
-    Length {
-        /// "an action", "qpos", …
-        what: &'static str,
-        /// How many were given.
-        found: usize,
-        /// How many it takes.
-        expected: usize,
-        /// The task.
-        task: String,
-    },
-    /// The simulation left the finite numbers.
-    #[error("the simulation of {task} became unstable at {seconds:.3} s ({warnings}); smaller actions keep it stable")]
-    Unstable {
-        /// The task.
-        task: String,
-        /// Simulated time.
-        seconds: f64,
-        /// MuJoCo's warnings.
-        warnings: String,
-    },
-    /// No start without a collision was found.
-    #[error("{task} found no start without a collision in {attempts} attempts; try another seed")]
-    NoFreeStart {
-        /// The task.
-        task: String,
-        /// How many were tried.
-        attempts: usize,
-    },
+    /// The simulation, a policy, a video or the renderer refused.
+    #[error(transparent)]
+    World(#[from] vibes_env::Error),
 }
 
 impl Error {

@@ -7,16 +7,16 @@
 use serde::{Deserialize, Serialize};
 use vibes_data::{Cell, Grid};
 
-use crate::distractors::{AxisSeeds, DistractorSettings};
-use crate::render::Look;
-use crate::videos::{VideoSet, VideoSource};
+use vibes_env::distractors::{AxisSeeds, DistractorSettings};
+use vibes_env::render::Look;
+use vibes_env::videos::{VideoSet, VideoSource};
 
 /// Everything that decides what a recording holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RecordOptions {
     /// The task's name.
     pub task: String,
-    /// Behaviour policies with their shares, as [`crate::PolicyMix`] writes them.
+    /// Behaviour policies with their shares, as [`vibes_env::PolicyMix`] writes them.
     pub policy: String,
     /// The grid; without one, every episode has distractors of its own.
     pub grid: Option<Grid>,
@@ -43,7 +43,7 @@ pub struct RecordOptions {
     /// Seeds of single axes.
     #[serde(default, skip_serializing_if = "ChosenSeeds::is_empty")]
     pub axis_seeds: ChosenSeeds,
-    /// Degrees by which the states were turned about the origin after they were simulated; see [`crate::Task::rotate`].
+    /// Degrees by which the states were turned about the origin after they were simulated; see [`vibes_env::Task::rotate`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotated: Option<f64>,
 }

@@ -8,10 +8,11 @@ use std::path::Path;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::distractors::{Axes, AxisSeeds, DistractorSettings, DistractorTrajectory, Undistracted};
-use crate::render::{RenderSettings, Renderer, camera_start, material_colors};
-use crate::videos::VideoLibrary;
-use crate::{Environment, EnvironmentOptions, Error, Result};
+use vibes_env::distractors::{Axes, AxisSeeds, DistractorSettings, DistractorTrajectory, Undistracted};
+use vibes_env::render::{RenderSettings, Renderer, camera_start, material_colors};
+use vibes_env::videos::VideoLibrary;
+use crate::{Error, Result};
+use vibes_env::{Environment, EnvironmentOptions};
 
 /// Pictures from left to right.
 const COLUMNS: usize = 8;
@@ -127,9 +128,9 @@ fn simulate(task: &str, seed: u64) -> Result<(Environment, Vec<Vec<f64>>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::distractors::Difficulty;
-    use crate::render::Look;
-    use crate::videos::{VideoSet, VideoSource};
+    use vibes_env::distractors::Difficulty;
+    use vibes_env::render::Look;
+    use vibes_env::videos::{VideoSet, VideoSource};
 
     #[test]
     fn a_sheet_shows_every_axis_over_the_same_episode() {

@@ -16,10 +16,11 @@ use vibes_data::{EpisodeInfo, FORMAT, ImageSize, Manifest, Recording, RecordingW
 pub use source::Source;
 
 use crate::plan::{PlannedEpisode, RecordOptions};
-use crate::render::{check_drawing, material_colors, material_names};
+use vibes_env::render::{check_drawing, material_colors, material_names};
 use crate::studio::StudioSettings;
-use crate::videos::VideoLibrary;
-use crate::{Environment, EnvironmentOptions, Error, PolicyMix, Result, StateTrajectory};
+use vibes_env::videos::VideoLibrary;
+use crate::{Error, Result};
+use vibes_env::{Environment, EnvironmentOptions, PolicyMix, StateTrajectory};
 use source::Stored;
 use worker::Worker;
 
@@ -47,7 +48,7 @@ pub struct RecordRun<'a> {
     pub with_mcap: bool,
     /// What is taken from another recording.
     pub source: Source<'a>,
-    /// Degrees by which states are turned before they are drawn; see [`crate::Task::rotate`].
+    /// Degrees by which states are turned before they are drawn; see [`vibes_env::Task::rotate`].
     pub turn: f64,
     /// Set from outside to stop after the episodes at hand.
     pub stop: &'a AtomicBool,

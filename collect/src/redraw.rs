@@ -8,12 +8,12 @@ use std::sync::atomic::AtomicBool;
 
 use vibes_data::Recording;
 
-use crate::distractors::{Axes, Difficulty};
+use vibes_env::distractors::{Axes, Difficulty};
 use crate::plan::{ChosenSeeds, RecordOptions};
 use crate::recorder::{Progress, RecordRun, Source, record};
-use crate::render::Look;
+use vibes_env::render::Look;
 use crate::stored::{has_logs, options_of};
-use crate::videos::{VideoSet, VideoSource};
+use vibes_env::videos::{VideoSet, VideoSource};
 use crate::{Error, Result};
 
 /// Side of the pictures of a recording that had none.

@@ -7,7 +7,8 @@ use serde::Serialize;
 use vibes_data::{EpisodeView, Recording, Spec};
 
 use crate::stored::start_of;
-use crate::{Environment, EnvironmentOptions, Result, Trace};
+use crate::{Result, Trace};
+use vibes_env::{Environment, EnvironmentOptions};
 
 /// The largest absolute difference of each column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]

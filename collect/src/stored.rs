@@ -1,15 +1,16 @@
 //! Recorded episodes, taken up again: what a recording keeps of an episode is enough to draw it anew and to go on from it.
 //!
 //! In: a recording. Out: its options, and an episode's states and distractors as what they were before they were drawn. Single precision on disk
-//! is where both came from ([`crate::rollout`] executes what is stored), so that nothing is lost on the way.
+//! is where both came from ([`vibes_env::rollout`] executes what is stored), so that nothing is lost on the way.
 
 use std::path::Path;
 
 use vibes_data::{EpisodeEntry, EpisodeInfo, EpisodeView, Recording, sha256_hex};
 
-use crate::distractors::DistractorTrajectory;
+use vibes_env::distractors::DistractorTrajectory;
 use crate::plan::RecordOptions;
-use crate::{Environment, Error, ModelOverrides, Result, Start, StateTrajectory};
+use crate::{Error, Result};
+use vibes_env::{Environment, ModelOverrides, Start, StateTrajectory};
 
 /// The options a recording was made with.
 ///

@@ -8,7 +8,8 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{EPISODE_CONTROL_STEPS, Environment, EnvironmentOptions, Error, Result, Start};
+use crate::{Error, Result};
+use vibes_env::{EPISODE_CONTROL_STEPS, Environment, EnvironmentOptions, Start};
 
 /// The name and version of the format.
 pub const TRACE_FORMAT: &str = "vibes-trace/1";

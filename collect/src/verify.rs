@@ -8,9 +8,10 @@ use vibes_data::{BackgroundFrame, EpisodeEntry, EpisodeView, Finding, Recording,
 use crate::care::merge::{MergedPart, merged_parts};
 use crate::plan::RecordOptions;
 use crate::recorder::{environment_of, open_videos};
-use crate::render::{RenderSettings, Renderer, View};
-use crate::videos::VideoLibrary;
-use crate::{Environment, ModelOverrides, Result, Start};
+use vibes_env::render::{RenderSettings, Renderer, View};
+use vibes_env::videos::VideoLibrary;
+use crate::Result;
+use vibes_env::{Environment, ModelOverrides, Start};
 
 /// Physics on one machine is exact; another processor may round differently.
 const QPOS_TOLERANCE: f64 = 1e-6;

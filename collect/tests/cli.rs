@@ -65,7 +65,7 @@ fn rewards_are_those_of_their_own_row() {
         let view = recording.episode(entry.index).unwrap();
         for step in 0..view.steps() {
             let observation = [0, 1].map(|i| f64::from(view.observation(step)[i]));
-            let expected = vibes_collect::known_reward(observation, f64::from(view.action(step)[0]), repeat);
+            let expected = vibes_env::known_reward(observation, f64::from(view.action(step)[0]), repeat);
             assert!((f64::from(view.reward(step)) - expected).abs() < 1e-6, "step {step}");
         }
     }

@@ -11,8 +11,8 @@ use std::fs;
 use std::path::PathBuf;
 
 use vibes_collect::distractor_trace::{DistractorTrace, PictureComparison};
-use vibes_collect::render::Look;
-use vibes_collect::{Environment, EnvironmentOptions, Physics};
+use vibes_env::render::Look;
+use vibes_env::{Environment, EnvironmentOptions, Physics};
 
 fn golden(folder: &str) -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden")).join(folder)

@@ -9,8 +9,8 @@ mod process;
 use std::path::Path;
 
 use process::{assert_same_bytes, fails, files, works};
-use vibes_collect::task_names;
 use vibes_data::Recording;
+use vibes_env::task_names;
 
 fn tasks() -> Vec<String> {
     task_names().into_iter().map(|name| name.replace("swimmer-N", "swimmer-4")).collect()

@@ -12,9 +12,9 @@ use vibes_model::{Model, ObservationKind};
 
 use crate::batch::Batch;
 use crate::error::Result;
-use crate::objective::Objective;
+use crate::learners::objective::Objective;
+use crate::learners::world::{Learner, Phases};
 use crate::options::Options;
-use crate::update::{Learner, Phases};
 use crate::windows::Windows;
 
 /// Sizes of what is made up.

@@ -14,11 +14,11 @@ use crate::batch::Batch;
 use crate::error::{Result, TrainError};
 use crate::evaluate::{GapOptions, Gaps, Report, evaluate, gaps};
 use crate::hearing::{Hearing, own_log_likelihood};
+use crate::learners::world::Learner;
 use crate::metrics::{Averages, MetricsFile, Row};
 use crate::options::Options;
 use crate::run::{Run, State};
 use crate::tensorboard::EventFile;
-use crate::update::Learner;
 use crate::windows::{Prefetch, Purpose, Windows, update_rng};
 
 /// Windows that set the first scales.

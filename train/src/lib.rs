@@ -4,11 +4,10 @@
 //! |---|---|
 //! | [`options`] | everything a run can be asked for, presets |
 //! | [`windows`], [`batch`] | windows gathered ahead of time, and as tensors |
-//! | [`objective`] | what is maximised: `vibes`, `no-adversary`, `reconstruction` |
-//! | [`update`], [`optimizer`] | one update of Algorithm 1, Adam |
+//! | [`learners`] | what is maximised (`vibes`, `no-adversary`, `reconstruction`), one update of Algorithm 1, Adam |
 //! | [`hearing`] | when the encoder begins to hear the dynamics term |
 //! | [`prepare`], [`fit`] | the run folder begun or found; the one loop |
-//! | [`run`], [`metrics`], [`spectrum`] | the run folder, its numbers over time |
+//! | [`run`], [`metrics`], [`vibes_measure::spectrum`] | the run folder, its numbers over time |
 //! | [`mod@summary`], [`tensorboard`] | those numbers on one page, and for TensorBoard |
 //! | [`encode`] | a trained run's latents of a recording |
 //! | [`evaluate`] | how good the latents are, on a held-out grid |
@@ -21,16 +20,13 @@ pub mod error;
 pub mod evaluate;
 pub mod fit;
 pub mod hearing;
+pub mod learners;
 pub mod metrics;
-pub mod objective;
-pub mod optimizer;
 pub mod options;
 pub mod prepare;
 pub mod run;
-pub mod spectrum;
 pub mod summary;
 pub mod tensorboard;
-pub mod update;
 pub mod windows;
 
 pub use error::{Result, TrainError};

@@ -9,8 +9,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Result, io, malformed};
-use crate::spectrum::effective_rank;
-use crate::update::Measures;
+use crate::learners::world::Measures;
+use vibes_measure::spectrum::effective_rank;
 
 /// One line of `metrics.jsonl`: averages over the updates since the line before. Log-likelihoods are nats a row.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]

@@ -8,7 +8,7 @@ use toml::Table;
 use vibes_model::{ModelConfig, ObservationKind};
 
 use crate::error::{Result, TrainError, io, malformed};
-use crate::objective::Objective;
+use crate::learners::objective::Objective;
 
 pub mod presets;
 
@@ -103,7 +103,7 @@ pub struct Options {
 /// The options that change with the updates, at one of them. The paper gives the terms no weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Schedule {
-    /// How much of the dynamics term's gradient the encoder [hears](crate::objective::hear).
+    /// How much of the dynamics term's gradient the encoder [hears](crate::learners::objective::hear).
     pub dynamics_weight: f32,
     /// Weight of the reward's log-likelihood.
     pub reward_weight: f32,

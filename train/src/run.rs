@@ -29,10 +29,10 @@ use vibes_model::{Model, ModelConfig};
 
 use crate::error::{Result, TrainError, io, malformed};
 use crate::hearing::Hearing;
+use crate::learners::world::Learner;
 use crate::metrics::read_rows;
 use crate::options::Options;
 use crate::summary::summary;
-use crate::update::Learner;
 
 /// What `run.json` holds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -12,8 +12,8 @@ use vibes_data::Recording;
 use vibes_model::checkpoint::load_tensors;
 use vibes_train::TrainError;
 use vibes_train::fit::{End, Event, Go, fit};
+use vibes_train::learners::objective::Objective;
 use vibes_train::metrics::read_rows;
-use vibes_train::objective::Objective;
 use vibes_train::options::Options;
 use vibes_train::prepare::prepare;
 

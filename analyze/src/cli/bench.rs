@@ -8,9 +8,9 @@ use rand_chacha::rand_core::SeedableRng;
 use serde_json::{Value, json};
 
 use super::{Globals, Outcome, say};
-use crate::Table;
-use crate::neighbours::{Exclude, Metric, Space, nearest};
-use crate::umap::{UmapOptions, neighbour_graph, umap_of_graph};
+use vibes_measure::Table;
+use vibes_measure::neighbours::{Exclude, Metric, Space, nearest};
+use vibes_measure::umap::{UmapOptions, neighbour_graph, umap_of_graph};
 
 /// How long neighbours and maps take on this machine, on latents of 32 dimensions drawn from a seed.
 #[derive(Debug, clap::Args)]
@@ -78,7 +78,7 @@ impl Data {
         }
     }
 
-    fn table(&self) -> Result<Table<'_>, crate::Error> {
+    fn table(&self) -> Result<Table<'_>, vibes_measure::Error> {
         Table::new(DIMS, &self.values, &self.episode, &self.step)
     }
 }

@@ -8,9 +8,9 @@ use super::invariance::{Named, ends, grid, text, write_intervals};
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Bar, BarGroup, Bars, Figure};
-use crate::intervals::Interval;
-use crate::invariance::{RetrievalOptions, retrieval, variance};
-use crate::neighbours::{Exclude, Metric, Space, nearest};
+use vibes_measure::intervals::Interval;
+use vibes_measure::invariance::{RetrievalOptions, retrieval, variance};
+use vibes_measure::neighbours::{Exclude, Metric, Space, nearest};
 
 /// Invariance of several tables of latents of one recording, and how far they agree on what is near what.
 #[derive(Debug, clap::Args)]

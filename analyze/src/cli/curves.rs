@@ -10,8 +10,8 @@ use super::{Globals, Outcome, say, wrong};
 use crate::curves::{CurvePoint, Mark, RunScore, mean_curve, score_table};
 use crate::figures::{Curve, Curves, Entry, Facet, Figure, Heading, Table};
 use crate::input::{Run, Series};
-use crate::intervals::Interval;
 use crate::output::{self, Column, write_table};
+use vibes_measure::intervals::Interval;
 
 /// Most places along a mean curve.
 const PLACES: usize = 200;

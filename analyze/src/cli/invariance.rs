@@ -4,12 +4,12 @@ use serde_json::{Value, json};
 
 use super::session::{Input, Session};
 use super::{Globals, Outcome};
-use crate::Table;
 use crate::actions::action_features;
 use crate::figures::{Bar, BarGroup, Bars, Figure};
-use crate::intervals::Interval;
-use crate::invariance::{Grid, Retrieval, RetrievalOptions, VarianceSplit, retrieval, variance};
 use crate::output::Column;
+use vibes_measure::Table;
+use vibes_measure::intervals::Interval;
+use vibes_measure::invariance::{Grid, Retrieval, RetrievalOptions, VarianceSplit, retrieval, variance};
 
 /// How much of the latents' variance the state explains, how much the distractor, and how often the same state is found again under another
 /// distractor. Needs latents of a grid.
@@ -116,9 +116,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
 }
 
 /// The whole grid, or a complete part of one with holes.
-pub(super) fn grid(table: Table<'_>) -> Result<Grid<'_>, crate::Error> {
+pub(super) fn grid(table: Table<'_>) -> Result<Grid<'_>, vibes_measure::Error> {
     match Grid::new(table) {
-        Err(crate::Error::GridHoles { .. }) => Grid::of_complete_part(table),
+        Err(vibes_measure::Error::GridHoles { .. }) => Grid::of_complete_part(table),
         grid => grid,
     }
 }

@@ -12,12 +12,12 @@ use vibes_data::Latents;
 
 use super::session::Session;
 use super::{Globals, say, wrong};
-use crate::neighbours::{Metric, Space};
 use crate::output::MapTable;
-use crate::quality::{QualityOptions, quality};
-use crate::tsne::TsneOptions;
-use crate::umap::UmapOptions;
 use onto::OldMap;
+use vibes_measure::neighbours::{Metric, Space};
+use vibes_measure::quality::{QualityOptions, quality};
+use vibes_measure::tsne::TsneOptions;
+use vibes_measure::umap::UmapOptions;
 
 /// How the map is made.
 #[derive(Clone, Debug, clap::Args)]

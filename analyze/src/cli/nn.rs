@@ -12,9 +12,9 @@ use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Figure, NeighbourSheet, SheetColumn, Thumb};
 use crate::input::Frames;
-use crate::neighbours::{Exclude, Metric, Neighbours, Space, nearest};
 use crate::output::Column;
-use crate::state_error::{StateError, state_error};
+use vibes_measure::neighbours::{Exclude, Metric, Neighbours, Space, nearest};
+use vibes_measure::state_error::{StateError, state_error};
 
 /// Nearest neighbours in the latent space: a sheet of pictures, and neighbours.json.
 ///

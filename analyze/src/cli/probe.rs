@@ -6,13 +6,13 @@ use vibes_data::Latents;
 use super::invariance::ends;
 use super::session::{Input, Session};
 use super::{Globals, Outcome};
-use crate::Table;
 use crate::actions::action_features;
 use crate::figures::{Figure, ProbeChart, ProbeMark, ProbeRow};
 use crate::input::Frames;
-use crate::intervals::Interval;
 use crate::output::Column;
-use crate::probes::{HoldOut, Probe, ProbeOptions, ProbeScore, Quantity, Values, probe};
+use vibes_measure::Table;
+use vibes_measure::intervals::Interval;
+use vibes_measure::probes::{HoldOut, Probe, ProbeOptions, ProbeScore, Quantity, Values, probe};
 
 /// Ridge and kNN probes on held-out trajectories: from the latent to each task quantity (high is good) and to each distractor parameter
 /// (chance is good), with an action-only and a shuffled control.

@@ -12,9 +12,9 @@ use super::maps::{MadeMap, MapOptions};
 use super::session::{Input, Session};
 use super::{Cli, Globals, Outcome, dispatch, say};
 use crate::input::{Frames, Run};
-use crate::neighbours::{Exclude, Metric, Space, nearest};
 use crate::picture::Pixels;
 use crate::report::{Chapter, LiveMap, LivePoint, Section, Shown, page, write};
+use vibes_measure::neighbours::{Exclude, Metric, Space, nearest};
 
 /// One HTML page with all figures and numbers of one or more runs; hovering over a point of the map shows its frame and its neighbours.
 #[derive(Debug, clap::Args)]

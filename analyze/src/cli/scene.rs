@@ -7,8 +7,8 @@ use serde_json::json;
 use super::maps::MapOptions;
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
-use crate::neighbours::{Exclude, Metric, Space, nearest};
 use crate::scene::Scene;
+use vibes_measure::neighbours::{Exclude, Metric, Space, nearest};
 
 /// A Rerun scene (.rrd): frame, latent, map with the current point lit, nearest neighbours, reward and distractors on one timeline.
 ///

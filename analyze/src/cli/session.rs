@@ -12,8 +12,9 @@ use vibes_data::Latents;
 use super::{Globals, Outcome, say, wrong};
 use crate::figures::{Figure, Heading};
 use crate::input::{Frames, InputError, find_recording, newest_latents, read_latents};
+use crate::output;
 use crate::output::Column;
-use crate::{Table, output};
+use vibes_measure::Table;
 
 /// The inputs and outputs of a verb on one table of latents.
 #[derive(Clone, Debug, clap::Args)]
@@ -106,7 +107,7 @@ impl Session {
     }
 
     /// The latents as the measures see them.
-    pub(super) fn table(&self) -> Result<Table<'_>, crate::Error> {
+    pub(super) fn table(&self) -> Result<Table<'_>, vibes_measure::Error> {
         let l = &self.latents;
         Table::new(l.dims, &l.latent, &l.episode, &l.step)?.with_grid(&l.state, &l.distractor)
     }

@@ -12,11 +12,11 @@ use vibes_data::Latents;
 use super::invariance::{ends, text};
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
-use crate::Table;
 use crate::figures::{Bar, BarGroup, Bars, Figure, NeighbourSheet, SheetColumn, Thumb};
 use crate::input::{Frames, find_recording, read_latents};
 use crate::output::Column;
-use crate::symmetry::{ReacherState, SymmetricPair, Symmetry, SymmetryOptions, rotated_pairs, symmetry};
+use vibes_measure::Table;
+use vibes_measure::symmetry::{ReacherState, SymmetricPair, Symmetry, SymmetryOptions, rotated_pairs, symmetry};
 
 /// Reacher: latent distance between a row and a rotation of its state, against a row whose picture is as far away.
 ///
@@ -107,7 +107,7 @@ struct Rows {
 }
 
 impl Rows {
-    fn table(&self) -> Result<Table<'_>, crate::Error> {
+    fn table(&self) -> Result<Table<'_>, vibes_measure::Error> {
         let l = &self.latents;
         Table::new(l.dims, &l.latent, &l.episode, &l.step)?.with_grid(&l.state, &l.distractor)
     }
@@ -247,7 +247,7 @@ fn finger([shoulder, wrist]: [f64; 2]) -> [f64; 2] {
 fn bars(session: &Session, measured: &Symmetry) -> Bars {
     let mean = |of: fn(&SymmetricPair) -> f64| measured.pairs.iter().map(of).sum::<f64>() / measured.pairs.len() as f64;
     let plain = |label: &str, value: f64| Bar { label: label.into(), value, interval: None, chance: None };
-    let with = |label: &str, i: &crate::intervals::Interval, chance: f64| Bar {
+    let with = |label: &str, i: &vibes_measure::intervals::Interval, chance: f64| Bar {
         label: label.into(),
         value: i.estimate,
         interval: ends(i),

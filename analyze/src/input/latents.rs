@@ -19,7 +19,7 @@ use super::{InputError, npy};
 ///
 /// # Errors
 /// [`InputError`]: an unreadable file, a missing or unsuitable column (the error names those that are needed), a row key that occurs twice.
-/// Values that are not finite are left to the checks of [`crate::Table`].
+/// Values that are not finite are left to the checks of [`vibes_measure::Table`].
 pub fn read_latents(path: &Path) -> Result<Latents, InputError> {
     let mut magic = Vec::new();
     File::open(path).and_then(|f| f.take(6).read_to_end(&mut magic)).map_err(InputError::io(path))?;

@@ -9,7 +9,7 @@ use arrow::datatypes::{Float64Type, UInt32Type};
 use arrow::ipc::reader::FileReader;
 
 use super::{Column, write_table};
-use crate::neighbours::Neighbours;
+use vibes_measure::neighbours::Neighbours;
 
 /// Metadata key of the description of what the graph is of.
 const RECIPE: &str = "vibes.graph";

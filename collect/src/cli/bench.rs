@@ -12,8 +12,8 @@ use crate::bench::{
     DrawingCase, DrawingRate, FileRate, Limits, STAGES, WRITING_STAGES, WritingRate, drawing_rate, peak_memory,
     physics_rate, writing_rate,
 };
-use crate::render::{Look, RenderSettings};
-use crate::videos::{VideoLibrary, VideoSet, VideoSource};
+use vibes_env::render::{Look, RenderSettings};
+use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 
 #[derive(Debug, Args)]
 pub(super) struct BenchArgs {
@@ -39,7 +39,7 @@ pub(super) struct BenchArgs {
 
 #[allow(clippy::print_stdout, reason = "the command line's result")]
 pub(super) fn run(args: &BenchArgs, output: OutputArgs) -> Result<Outcome> {
-    let all = || crate::task_names().into_iter().map(|name| name.replace("swimmer-N", "swimmer-100")).collect();
+    let all = || vibes_env::task_names().into_iter().map(|name| name.replace("swimmer-N", "swimmer-100")).collect();
     let tasks: Vec<String> = if args.task.is_empty() { all() } else { args.task.clone() };
     let is_table = !output.json && !output.quiet;
     let mut physics = Vec::new();

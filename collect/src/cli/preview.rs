@@ -6,10 +6,10 @@ use anyhow::{Context, Result};
 use clap::Args;
 
 use super::{Outcome, OutputArgs};
-use crate::distractors::{Difficulty, DistractorSettings};
+use vibes_env::distractors::{Difficulty, DistractorSettings};
 use crate::preview::{ContactSheet, PreviewOptions};
-use crate::render::{Look, RenderSettings};
-use crate::videos::{VideoLibrary, VideoSet, VideoSource};
+use vibes_env::render::{Look, RenderSettings};
+use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 
 #[derive(Debug, Args)]
 pub(super) struct PreviewArgs {
@@ -44,7 +44,7 @@ pub(super) struct PreviewArgs {
 
 #[allow(clippy::print_stdout, reason = "the command line's result")]
 pub(super) fn run(args: &PreviewArgs, output: OutputArgs) -> Result<Outcome> {
-    let all = || crate::task_names().into_iter().map(|name| name.replace("swimmer-N", "swimmer-6")).collect();
+    let all = || vibes_env::task_names().into_iter().map(|name| name.replace("swimmer-N", "swimmer-6")).collect();
     let tasks: Vec<String> = if args.task.is_empty() { all() } else { args.task.clone() };
     let difficulties = if args.difficulty.is_empty() { Difficulty::ALL.to_vec() } else { args.difficulty.clone() };
     let pictures = RenderSettings { size: usize::from(args.size), look: args.render };

@@ -9,12 +9,12 @@ use vibes_data::{Grid, Recording};
 
 use super::axis_seeds::AxisSeedArgs;
 use super::{Outcome, OutputArgs, show};
-use crate::distractors::{Axes, Difficulty, DistractorSettings};
+use vibes_env::distractors::{Axes, Difficulty, DistractorSettings};
 use crate::plan::RecordOptions;
 use crate::recorder::{Progress, RecordRun, Source, record};
-use crate::render::Look;
-use crate::videos::{VideoSet, VideoSource};
-use crate::{Environment, EnvironmentOptions, PolicyMix, PolicySpec};
+use vibes_env::render::Look;
+use vibes_env::videos::{VideoSet, VideoSource};
+use vibes_env::{Environment, EnvironmentOptions, PolicyMix, PolicySpec};
 
 /// Episodes when neither a grid nor a number is asked for.
 const DEFAULT_EPISODES: u32 = 10;

@@ -9,10 +9,10 @@ use vibes_data::Recording;
 use super::axis_seeds::AxisSeedArgs;
 use super::record::{cores, stop_on_interrupt, told};
 use super::{Outcome, OutputArgs};
-use crate::distractors::{Axes, Difficulty};
+use vibes_env::distractors::{Axes, Difficulty};
 use crate::redraw::{NewDistractors, Redraw};
-use crate::render::Look;
-use crate::videos::{VideoSet, VideoSource};
+use vibes_env::render::Look;
+use vibes_env::videos::{VideoSet, VideoSource};
 
 #[derive(Debug, Args)]
 pub(super) struct RenderArgs {

@@ -10,9 +10,10 @@ use super::replay_distractors::{self, Pictures};
 use super::{Outcome, OutputArgs};
 use crate::distractor_trace::FORMAT as DISTRACTOR_FORMAT;
 use crate::frames::draw_frames;
-use crate::render::{Look, RenderSettings};
+use vibes_env::render::{Look, RenderSettings};
 use crate::replay::{EpisodeErrors, environment_of_spec, replay_episode};
-use crate::{Environment, EnvironmentOptions, Error, Trace};
+use crate::{Error, Trace};
+use vibes_env::{Environment, EnvironmentOptions};
 
 #[derive(Debug, Args)]
 pub(super) struct ReplayArgs {

@@ -7,8 +7,9 @@ use serde_json::json;
 
 use super::{Outcome, OutputArgs};
 use crate::distractor_trace::{DistractorTrace, PictureComparison};
-use crate::render::Look;
-use crate::{Environment, EnvironmentOptions, Error};
+use vibes_env::render::Look;
+use crate::Error;
+use vibes_env::{Environment, EnvironmentOptions};
 
 /// Largest mean error of a picture in the suite's look, levels of 255.
 const SUITE_LEVELS: f64 = 2.0;

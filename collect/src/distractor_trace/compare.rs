@@ -4,13 +4,13 @@ use mujoco_rs::prelude::MjModel;
 use vibes_data::BackgroundFrame;
 
 use super::{DistractorTrace, TraceStep};
-use crate::distractors::background::{BackgroundReset, BackgroundWalk};
-use crate::distractors::camera::{CameraBounds, CameraWalk};
-use crate::distractors::color::ColorWalk;
-use crate::distractors::{CameraRanges, ColorRanges};
+use vibes_env::distractors::background::{BackgroundReset, BackgroundWalk};
+use vibes_env::distractors::camera::{CameraBounds, CameraWalk};
+use vibes_env::distractors::color::ColorWalk;
+use vibes_env::distractors::{CameraRanges, ColorRanges};
 use crate::error::{Error, Result};
-use crate::render::{CameraProbe, RenderSettings, Renderer, View, camera_start, material_colors, material_names};
-use crate::videos::{VideoLibrary, VideoSet, VideoSource};
+use vibes_env::render::{CameraProbe, RenderSettings, Renderer, View, camera_start, material_colors, material_names};
+use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 
 /// The largest difference from the suite in each quantity, over all steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -140,7 +140,7 @@ impl DistractorTrace {
         &self,
         model: &MjModel,
         videos: &std::path::Path,
-        look: crate::render::Look,
+        look: vibes_env::render::Look,
     ) -> Result<Vec<PictureComparison>> {
         let sizes: std::collections::BTreeSet<usize> =
             self.steps.iter().flat_map(|step| step.pictures.keys().copied()).collect();

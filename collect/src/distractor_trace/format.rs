@@ -7,7 +7,7 @@ use serde::Deserialize;
 use vibes_data::CameraPose;
 
 use super::{DistractorTrace, FORMAT, TraceStep, TracedCamera};
-use crate::distractors::camera::{CameraReset, CameraStep};
+use vibes_env::distractors::camera::{CameraReset, CameraStep};
 
 #[derive(Deserialize)]
 struct File {

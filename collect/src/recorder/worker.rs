@@ -8,7 +8,8 @@ use super::{Row, Shared, environment_of};
 use crate::plan::{PlannedEpisode, RecordOptions, state_seed};
 use crate::stored::rotate;
 use crate::studio::Studio;
-use crate::{Environment, EnvironmentOptions, Policy, PolicySpec, Result, StateTrajectory, rollout};
+use crate::Result;
+use vibes_env::{Environment, EnvironmentOptions, Policy, PolicySpec, StateTrajectory, rollout};
 
 /// One thread's simulation, policies and render context.
 pub(super) struct Worker<'a> {

@@ -22,7 +22,7 @@ use vibes_model::mlp::{Mlp, MlpConfig};
 use crate::batch::Batch;
 use crate::encode::check_fit;
 use crate::error::Result;
-use crate::optimizer::{NamedGradients, Optimizer};
+use crate::learners::optimizer::{NamedGradients, Optimizer};
 use crate::options::Options;
 use crate::windows::Windows;
 

@@ -1,7 +1,7 @@
 //! The presets: sizes and rates to start from, by name.
 
 use super::{Observations, Options};
-use crate::objective::Objective;
+use crate::learners::objective::Objective;
 
 /// Makes a preset's options.
 pub type Preset = fn() -> Options;

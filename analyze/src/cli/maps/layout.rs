@@ -11,12 +11,12 @@ use vibes_data::Latents;
 use super::super::session::Session;
 use super::super::{Globals, say};
 use super::{MapOptions, Method, checksum};
-use crate::neighbours::{self, Exclude, Neighbours, Space};
 use crate::output::GraphTable;
-use crate::pca::pca;
-use crate::tsne::{TsneOptions, tsne_of_graph};
-use crate::umap::{Position, UmapOptions, among_neighbours, transform, umap_of_graph};
-use crate::{Error, Table};
+use vibes_measure::neighbours::{self, Exclude, Neighbours, Space};
+use vibes_measure::pca::pca;
+use vibes_measure::tsne::{TsneOptions, tsne_of_graph};
+use vibes_measure::umap::{Position, UmapOptions, among_neighbours, transform, umap_of_graph};
+use vibes_measure::{Error, Table};
 
 /// Rows placed at a time.
 const CHUNK: usize = 65_536;

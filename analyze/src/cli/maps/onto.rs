@@ -10,11 +10,11 @@ use vibes_data::Latents;
 use super::super::wrong;
 use super::checksum;
 use super::layout::place;
-use crate::Table;
 use crate::input::{InputError, find_latents, read_latents};
-use crate::neighbours::{Metric, Space};
 use crate::output::MapTable;
-use crate::umap::{Position, UmapOptions, transform};
+use vibes_measure::Table;
+use vibes_measure::neighbours::{Metric, Space};
+use vibes_measure::umap::{Position, UmapOptions, transform};
 
 /// An old map with the latents it is of.
 pub(super) struct OldMap {

@@ -127,7 +127,7 @@ impl<'a> Space<'a> {
     }
 
     /// A squared distance between two prepared rows, in single precision and without cancellation: for ranks.
-    pub(crate) fn squared_prepared(&self, a: usize, b: usize) -> f32 {
+    pub fn squared_prepared(&self, a: usize, b: usize) -> f32 {
         const LANES: usize = 8;
         let (a, b) = (self.prepared(a), self.prepared(b));
         let mut lanes = [0.0_f32; LANES];

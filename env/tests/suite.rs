@@ -6,7 +6,7 @@ use std::collections::HashSet;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use vibes_collect::{
+use vibes_env::{
     Environment, EnvironmentOptions, KNOWN_SLIDE, Policy, PolicySpec, Snapshot, StateTrajectory, known_reward, rollout,
     task_names,
 };

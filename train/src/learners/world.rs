@@ -19,8 +19,8 @@ use vibes_model::{Model, World};
 
 use crate::batch::Batch;
 use crate::error::{Result, TrainError};
-use crate::objective::{Predictions, Value, adversary_objective, hear, no_adversary, reconstruction, vibes};
-use crate::optimizer::{NamedGradients, Optimizer};
+use crate::learners::objective::{Predictions, Value, adversary_objective, hear, no_adversary, reconstruction, vibes};
+use crate::learners::optimizer::{NamedGradients, Optimizer};
 use crate::options::{Options, Schedule};
 
 /// A model in training.

@@ -8,7 +8,7 @@ use vibes_model::parameters::read_parameters;
 
 use super::*;
 use crate::bench::{Sizes, made_up_spec, made_up_windows};
-use crate::objective::Objective;
+use crate::learners::objective::Objective;
 
 const SIZES: Sizes = Sizes { picture: 16, actions: 2, repeats: 1 };
 

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::Deserialize;
-use vibes_collect::{Environment, EnvironmentOptions};
+use vibes_env::{Environment, EnvironmentOptions};
 
 #[derive(Deserialize)]
 struct Golden {

@@ -1,0 +1,84 @@
+//! Embeds the Control Suite's models into the package and puts the MuJoCo library where the built programs look for it.
+//!
+//! In: `third_party/made-by-make-setup/` (`libmujoco.so.3.17.0`, `suite/*.xml`, `suite/common/*.xml`), filled by `make setup`.
+//! Out: `OUT_DIR/models/` with the XML files that `physics/models.rs` includes, and `<target>/<profile>/lib/` with the library,
+//! found from binaries by the relative rpath `$ORIGIN/lib` and from tests by `$ORIGIN/../lib`. mujoco-rs itself is linked against the script
+//! `mujoco/libmujoco.so` beside this file, which names that library; so it builds before set-up, and what is missing is said here.
+
+use std::path::{Path, PathBuf};
+use std::{env, fs, io};
+
+/// The models the tasks are made from, and the files these include.
+const MODELS: [&str; 10] = [
+    "ball_in_cup.xml",
+    "cartpole.xml",
+    "cheetah.xml",
+    "finger.xml",
+    "reacher.xml",
+    "swimmer.xml",
+    "walker.xml",
+    "common/materials.xml",
+    "common/skybox.xml",
+    "common/visual.xml",
+];
+
+/// The library, named as its own SONAME says, since that is the name the loader looks for.
+const LIBRARY: &str = "libmujoco.so.3.17.0";
+
+fn main() {
+    println!("cargo::rerun-if-changed=build.rs");
+    if let Err(missing) = prepare() {
+        println!("cargo::error={missing}");
+    }
+}
+
+/// Copies everything into place; the error is the one sentence the user sees.
+fn prepare() -> Result<(), String> {
+    let third_party = third_party()?;
+    let out = PathBuf::from(env::var("OUT_DIR").map_err(|error| error.to_string())?);
+    for model in MODELS {
+        place(&third_party.join("suite").join(model), &out.join("models").join(model))?;
+    }
+    let lib = profile_folder(&out)?.join("lib");
+    place(&third_party.join(LIBRARY), &lib.join(LIBRARY))?;
+    // Where the linker script in env/mujoco finds it; inside the target folder, so `cargo run` and `cargo test` also put it on the loader's
+    // path (doc tests need that).
+    println!("cargo::rustc-link-search=native={}", lib.display());
+    println!("cargo::rustc-link-arg=-Wl,-rpath,$ORIGIN/lib:$ORIGIN/../lib");
+    Ok(())
+}
+
+/// The folder `make setup` fills.
+fn third_party() -> Result<PathBuf, String> {
+    let package = env::var("CARGO_MANIFEST_DIR").map_err(|error| error.to_string())?;
+    Ok(Path::new(&package).join("../third_party/made-by-make-setup"))
+}
+
+/// `<target>/<profile>`, three folders above `<target>/<profile>/build/<package>/out`.
+fn profile_folder(out: &Path) -> Result<PathBuf, String> {
+    let folder = out.ancestors().nth(3).ok_or("the build's output folder is not inside a target folder")?;
+    Ok(folder.to_owned())
+}
+
+/// Copies a file by way of a temporary name, so that a build running beside this one never sees half of it.
+fn place(from: &Path, to: &Path) -> Result<(), String> {
+    println!("cargo::rerun-if-changed={}", from.display());
+    let bytes = fs::read(from).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => {
+            format!(
+                "a piece of MuJoCo or the Control Suite is missing; run `make setup` to fetch it: {}",
+                from.display()
+            )
+        }
+        _ => format!("cannot read ({error}): {}", from.display()),
+    })?;
+    if fs::read(to).is_ok_and(|there| there == bytes) {
+        return Ok(());
+    }
+    let refused = |error: io::Error| format!("cannot write ({error}): {}", to.display());
+    if let Some(folder) = to.parent() {
+        fs::create_dir_all(folder).map_err(refused)?;
+    }
+    let partial = to.with_extension(format!("partial-{}", std::process::id()));
+    fs::write(&partial, bytes).and_then(|()| fs::rename(&partial, to)).map_err(refused)
+}
