@@ -13,10 +13,10 @@ use serde::Serialize;
 
 pub use writing::{FileRate, Limits, WRITING_STAGES, WritingRate, writing_rate};
 
+use crate::Result;
 use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::{RenderSettings, Speed, SpeedTrial};
 use vibes_env::videos::VideoLibrary;
-use crate::Result;
 use vibes_env::{Environment, EnvironmentOptions};
 
 /// How fast a task is simulated, on one core.

@@ -14,9 +14,9 @@ use vibes_data::CameraPose;
 
 pub use compare::{PictureComparison, TraceComparison, picture_difference};
 
+use crate::error::{Error, Result};
 use vibes_env::distractors::Difficulty;
 use vibes_env::distractors::camera::{CameraReset, CameraStep};
-use crate::error::{Error, Result};
 
 /// What a trace file's `format` says.
 pub const FORMAT: &str = "vibes-distractor-trace/1";

@@ -4,9 +4,9 @@
 
 use std::path::Path;
 
+use crate::{Error, Result};
 use vibes_env::render::{RenderSettings, Renderer, View};
 use vibes_env::videos::VideoLibrary;
-use crate::{Error, Result};
 use vibes_env::{Environment, Start};
 
 /// Draws every row of positions `[rows][nq]` into `folder`, which is made if it is missing.

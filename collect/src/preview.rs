@@ -8,10 +8,10 @@ use std::path::Path;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::{Error, Result};
 use vibes_env::distractors::{Axes, AxisSeeds, DistractorSettings, DistractorTrajectory, Undistracted};
 use vibes_env::render::{RenderSettings, Renderer, camera_start, material_colors};
 use vibes_env::videos::VideoLibrary;
-use crate::{Error, Result};
 use vibes_env::{Environment, EnvironmentOptions};
 
 /// Pictures from left to right.

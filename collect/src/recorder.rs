@@ -16,12 +16,12 @@ use vibes_data::{EpisodeInfo, FORMAT, ImageSize, Manifest, Recording, RecordingW
 pub use source::Source;
 
 use crate::plan::{PlannedEpisode, RecordOptions};
-use vibes_env::render::{check_drawing, material_colors, material_names};
 use crate::studio::StudioSettings;
-use vibes_env::videos::VideoLibrary;
 use crate::{Error, Result};
-use vibes_env::{Environment, EnvironmentOptions, PolicyMix, StateTrajectory};
 use source::Stored;
+use vibes_env::render::{check_drawing, material_colors, material_names};
+use vibes_env::videos::VideoLibrary;
+use vibes_env::{Environment, EnvironmentOptions, PolicyMix, StateTrajectory};
 use worker::Worker;
 
 /// What is told while a recording grows.

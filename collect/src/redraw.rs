@@ -8,13 +8,13 @@ use std::sync::atomic::AtomicBool;
 
 use vibes_data::Recording;
 
-use vibes_env::distractors::{Axes, Difficulty};
 use crate::plan::{ChosenSeeds, RecordOptions};
 use crate::recorder::{Progress, RecordRun, Source, record};
-use vibes_env::render::Look;
 use crate::stored::{has_logs, options_of};
-use vibes_env::videos::{VideoSet, VideoSource};
 use crate::{Error, Result};
+use vibes_env::distractors::{Axes, Difficulty};
+use vibes_env::render::Look;
+use vibes_env::videos::{VideoSet, VideoSource};
 
 /// Side of the pictures of a recording that had none.
 const DEFAULT_SIZE: u32 = 64;

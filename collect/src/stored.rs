@@ -7,9 +7,9 @@ use std::path::Path;
 
 use vibes_data::{EpisodeEntry, EpisodeInfo, EpisodeView, Recording, sha256_hex};
 
-use vibes_env::distractors::DistractorTrajectory;
 use crate::plan::RecordOptions;
 use crate::{Error, Result};
+use vibes_env::distractors::DistractorTrajectory;
 use vibes_env::{Environment, ModelOverrides, Start, StateTrajectory};
 
 /// The options a recording was made with.

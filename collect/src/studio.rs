@@ -4,13 +4,13 @@
 
 use vibes_data::{Episode, EpisodeBuilder, Frame};
 
-use vibes_env::distractors::camera::CameraStart;
-use vibes_env::distractors::{DistractorSettings, DistractorTrajectory, Undistracted};
+use crate::Result;
 use crate::plan::{ChosenSeeds, PlannedEpisode, RecordOptions};
 use crate::recorder::own_colors;
+use vibes_env::distractors::camera::CameraStart;
+use vibes_env::distractors::{DistractorSettings, DistractorTrajectory, Undistracted};
 use vibes_env::render::{RenderSettings, Renderer, camera_start};
 use vibes_env::videos::VideoLibrary;
-use crate::Result;
 use vibes_env::{Environment, StateTrajectory};
 
 /// What is the same for every episode of a recording.

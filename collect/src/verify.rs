@@ -5,12 +5,12 @@
 
 use vibes_data::{BackgroundFrame, EpisodeEntry, EpisodeView, Finding, Recording, verify_episode};
 
+use crate::Result;
 use crate::care::merge::{MergedPart, merged_parts};
 use crate::plan::RecordOptions;
 use crate::recorder::{environment_of, open_videos};
 use vibes_env::render::{RenderSettings, Renderer, View};
 use vibes_env::videos::VideoLibrary;
-use crate::Result;
 use vibes_env::{Environment, ModelOverrides, Start};
 
 /// Physics on one machine is exact; another processor may round differently.

@@ -12,13 +12,13 @@ use vibes_data::{
     Episode, EpisodeInfo, Manifest, Recording, RecordingWriter, mcap_bytes, sha256_hex, write_atomically,
 };
 
-use vibes_env::distractors::DistractorSettings;
 use crate::plan::{ChosenSeeds, RecordOptions};
 use crate::recorder::{RecordRun, Source, record};
-use vibes_env::render::RenderSettings;
 use crate::stored::info_of;
-use vibes_env::videos::{VideoSet, VideoSource};
 use crate::{Error, Result};
+use vibes_env::distractors::DistractorSettings;
+use vibes_env::render::RenderSettings;
+use vibes_env::videos::{VideoSet, VideoSource};
 use vibes_env::{Environment, EnvironmentOptions};
 
 /// How fast files of one kind are written: encoded, summed, and on the disk.

@@ -6,8 +6,8 @@ use anyhow::{Context, Result};
 use clap::Args;
 
 use super::{Outcome, OutputArgs};
-use vibes_env::distractors::{Difficulty, DistractorSettings};
 use crate::preview::{ContactSheet, PreviewOptions};
+use vibes_env::distractors::{Difficulty, DistractorSettings};
 use vibes_env::render::{Look, RenderSettings};
 use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 

@@ -9,9 +9,9 @@ use vibes_data::{Grid, Recording};
 
 use super::axis_seeds::AxisSeedArgs;
 use super::{Outcome, OutputArgs, show};
-use vibes_env::distractors::{Axes, Difficulty, DistractorSettings};
 use crate::plan::RecordOptions;
 use crate::recorder::{Progress, RecordRun, Source, record};
+use vibes_env::distractors::{Axes, Difficulty, DistractorSettings};
 use vibes_env::render::Look;
 use vibes_env::videos::{VideoSet, VideoSource};
 use vibes_env::{Environment, EnvironmentOptions, PolicyMix, PolicySpec};

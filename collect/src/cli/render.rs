@@ -9,8 +9,8 @@ use vibes_data::Recording;
 use super::axis_seeds::AxisSeedArgs;
 use super::record::{cores, stop_on_interrupt, told};
 use super::{Outcome, OutputArgs};
-use vibes_env::distractors::{Axes, Difficulty};
 use crate::redraw::{NewDistractors, Redraw};
+use vibes_env::distractors::{Axes, Difficulty};
 use vibes_env::render::Look;
 use vibes_env::videos::{VideoSet, VideoSource};
 

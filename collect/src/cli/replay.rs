@@ -10,9 +10,9 @@ use super::replay_distractors::{self, Pictures};
 use super::{Outcome, OutputArgs};
 use crate::distractor_trace::FORMAT as DISTRACTOR_FORMAT;
 use crate::frames::draw_frames;
-use vibes_env::render::{Look, RenderSettings};
 use crate::replay::{EpisodeErrors, environment_of_spec, replay_episode};
 use crate::{Error, Trace};
+use vibes_env::render::{Look, RenderSettings};
 use vibes_env::{Environment, EnvironmentOptions};
 
 #[derive(Debug, Args)]

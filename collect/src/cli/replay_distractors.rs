@@ -6,9 +6,9 @@ use anyhow::Result;
 use serde_json::json;
 
 use super::{Outcome, OutputArgs};
+use crate::Error;
 use crate::distractor_trace::{DistractorTrace, PictureComparison};
 use vibes_env::render::Look;
-use crate::Error;
 use vibes_env::{Environment, EnvironmentOptions};
 
 /// Largest mean error of a picture in the suite's look, levels of 255.

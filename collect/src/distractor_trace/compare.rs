@@ -4,11 +4,11 @@ use mujoco_rs::prelude::MjModel;
 use vibes_data::BackgroundFrame;
 
 use super::{DistractorTrace, TraceStep};
+use crate::error::{Error, Result};
 use vibes_env::distractors::background::{BackgroundReset, BackgroundWalk};
 use vibes_env::distractors::camera::{CameraBounds, CameraWalk};
 use vibes_env::distractors::color::ColorWalk;
 use vibes_env::distractors::{CameraRanges, ColorRanges};
-use crate::error::{Error, Result};
 use vibes_env::render::{CameraProbe, RenderSettings, Renderer, View, camera_start, material_colors, material_names};
 use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 

@@ -7,11 +7,11 @@ use std::collections::BTreeMap;
 
 use vibes_data::{Episode, EpisodeEntry, EpisodeInfo, Recording, Video};
 
-use vibes_env::distractors::DistractorTrajectory;
 use crate::plan::{PlannedEpisode, RecordOptions};
 use crate::stored::{distractors_of, info_of, is_intact, states_of};
 use crate::{Error, Result};
 use vibes_env::StateTrajectory;
+use vibes_env::distractors::DistractorTrajectory;
 
 /// What is taken from another recording.
 #[derive(Clone, Copy, Debug, Default)]

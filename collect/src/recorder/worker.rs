@@ -5,10 +5,10 @@ use std::sync::atomic::Ordering;
 use vibes_data::{Episode, EpisodeInfo};
 
 use super::{Row, Shared, environment_of};
+use crate::Result;
 use crate::plan::{PlannedEpisode, RecordOptions, state_seed};
 use crate::stored::rotate;
 use crate::studio::Studio;
-use crate::Result;
 use vibes_env::{Environment, EnvironmentOptions, Policy, PolicySpec, StateTrajectory, rollout};
 
 /// One thread's simulation, policies and render context.
