@@ -126,16 +126,21 @@ pub fn main() -> ExitCode {
 #[allow(clippy::print_stderr, reason = "the command line reports errors")]
 fn report(error: &anyhow::Error) -> ExitCode {
     eprintln!("vibes-collect: {error:#}");
-    let wrong_arguments = matches!(
-        error.downcast_ref::<Error>(),
-        Some(
-            Error::UnknownTask { .. }
-                | Error::UnknownName { .. }
-                | Error::Policy { .. }
-                | Error::Shrinks { .. }
-                | Error::NoRotation { .. }
-                | Error::Selection { .. }
-        )
-    );
-    ExitCode::from(if wrong_arguments { 2 } else { 1 })
+    let is_wrong = match error.downcast_ref::<Error>() {
+        Some(Error::World(world)) => is_wrong_argument(world),
+        Some(error) => {
+            matches!(error, Error::UnknownName { .. } | Error::Shrinks { .. } | Error::Selection { .. })
+        }
+        None => error.downcast_ref::<vibes_env::Error>().is_some_and(is_wrong_argument),
+    };
+    ExitCode::from(if is_wrong { 2 } else { 1 })
+}
+
+/// Whether the world refused because of what was typed.
+fn is_wrong_argument(error: &vibes_env::Error) -> bool {
+    use vibes_env::Error as World;
+    matches!(
+        error,
+        World::UnknownTask { .. } | World::UnknownName { .. } | World::Policy { .. } | World::NoRotation { .. }
+    )
 }

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use vibes_data::CameraPose;
 
-pub use compare::{PictureComparison, TraceComparison, picture_difference};
+pub use compare::{PictureComparison, TraceComparison};
 
 use crate::error::{Error, Result};
 use vibes_env::distractors::Difficulty;

@@ -77,7 +77,7 @@ struct Shared<'a> {
 /// Records what is not there yet.
 ///
 /// # Errors
-/// The first thing that goes wrong; every episode finished by then is kept. [`Error::NoEgl`] on a machine that cannot draw.
+/// The first thing that goes wrong; every episode finished by then is kept. [`vibes_env::Error::NoEgl`] on a machine that cannot draw.
 pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Sync)) -> Result<Recording> {
     let options = run.options;
     let environment = environment_of(options)?;
@@ -118,7 +118,7 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
 /// The environment of a recording.
 ///
 /// # Errors
-/// [`Error::UnknownTask`].
+/// [`vibes_env::Error::UnknownTask`].
 pub fn environment_of(options: &RecordOptions) -> Result<Environment> {
     let RecordOptions { action_repeat, raw_torques, .. } = *options;
     Environment::new(&options.task, EnvironmentOptions { action_repeat: Some(action_repeat), raw_torques })

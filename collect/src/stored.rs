@@ -83,7 +83,7 @@ pub fn distractors_of(view: &EpisodeView) -> DistractorTrajectory {
 /// Turns all states of an episode about the origin, by `degrees`; what is observed is observed again.
 ///
 /// # Errors
-/// [`Error::NoRotation`].
+/// [`vibes_env::Error::NoRotation`].
 pub fn rotate(states: &mut StateTrajectory, environment: &mut Environment, degrees: f64) -> Result<()> {
     let start = states.start.clone();
     environment.rotate(&mut states.start, degrees.to_radians())?;

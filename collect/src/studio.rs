@@ -68,7 +68,7 @@ impl<'a> Studio<'a> {
     /// Opens a render context on this thread.
     ///
     /// # Errors
-    /// [`crate::Error::NoEgl`] on a machine that cannot draw.
+    /// [`vibes_env::Error::NoEgl`] on a machine that cannot draw.
     pub fn new(settings: &'a StudioSettings<'a>, environment: &Environment) -> Result<Self> {
         let physics = environment.physics();
         let open = |pictures| Renderer::new(pictures, environment.name(), physics.model());

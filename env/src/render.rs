@@ -5,6 +5,7 @@
 //!
 //! Two looks: [`Look::Suite`] draws what the Distracting Control Suite draws; [`Look::Fast`] leaves out what costs most and shows least.
 
+mod difference;
 mod egl;
 mod scene;
 mod sky;
@@ -19,6 +20,7 @@ use mujoco_rs::prelude::{MjModel, MjrContext, MjrRectangle, MjvCamera, MjvOption
 use serde::{Deserialize, Serialize};
 use vibes_data::{BackgroundFrame, CameraPose};
 
+pub use difference::picture_difference;
 pub use scene::{CameraProbe, camera_start, material_colors, material_names};
 pub use speed::{Speed, SpeedTrial, StageTimes};
 

@@ -9,7 +9,9 @@ use vibes_env::distractors::background::{BackgroundReset, BackgroundWalk};
 use vibes_env::distractors::camera::{CameraBounds, CameraWalk};
 use vibes_env::distractors::color::ColorWalk;
 use vibes_env::distractors::{CameraRanges, ColorRanges};
-use vibes_env::render::{CameraProbe, RenderSettings, Renderer, View, camera_start, material_colors, material_names};
+use vibes_env::render::{
+    CameraProbe, RenderSettings, Renderer, View, camera_start, material_colors, material_names, picture_difference,
+};
 use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 
 /// The largest difference from the suite in each quantity, over all steps.
@@ -66,14 +68,6 @@ pub struct PictureComparison {
     pub psnr: f64,
     /// The drawn picture, `[size, size, 3]`.
     pub picture: Vec<u8>,
-}
-
-/// Mean absolute error in levels, and peak signal-to-noise ratio in dB (infinite for equal pictures).
-pub fn picture_difference(a: &[u8], b: &[u8]) -> (f64, f64) {
-    let differences = a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b)));
-    let (sum, squares) = differences.fold((0.0, 0.0), |(sum, squares), d| (sum + d, squares + d * d));
-    let count = a.len().max(1) as f64;
-    (sum / count, 10.0 * (255.0 * 255.0 * count / squares).log10())
 }
 
 impl DistractorTrace {

@@ -41,7 +41,7 @@ fn draw(task: &str, look: Look, view: &View<'_>, videos: &VideoLibrary) -> Vec<u
 }
 
 fn difference(a: &[u8], b: &[u8]) -> f64 {
-    crate::distractor_trace::picture_difference(a, b).0
+    picture_difference(a, b).0
 }
 
 #[test]

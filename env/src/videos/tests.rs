@@ -32,10 +32,8 @@ fn procedural_videos_depend_on_their_name_only_and_move() {
         for name in &names {
             let (first, next, far) = (frame(name, 0), frame(name, 1), frame(name, FRAMES - 1));
             assert_eq!(first, frame(name, 0));
-            let (step, way) = (
-                crate::distractor_trace::picture_difference(&first, &next).0,
-                crate::distractor_trace::picture_difference(&first, &far).0,
-            );
+            let (step, way) =
+                (crate::render::picture_difference(&first, &next).0, crate::render::picture_difference(&first, &far).0);
             assert!(step > 0.5 && step < way, "{name}: {step} levels a frame, {way} over the video");
         }
         assert_ne!(frame(&names[0], 0), frame(&names[3], 0));

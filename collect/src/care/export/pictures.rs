@@ -11,6 +11,6 @@ pub(super) fn png(pixels: &[u8], size: ImageSize) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive)
         .write_image(pixels, size.width, size.height, ExtendedColorType::Rgb8)
-        .map_err(|error| Error::Render { fact: error.to_string(), expected: "three bytes a pixel".into() })?;
+        .map_err(|error| Error::Selection { fact: error.to_string(), expected: "three bytes a pixel".into() })?;
     Ok(bytes)
 }
