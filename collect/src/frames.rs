@@ -5,7 +5,8 @@
 use std::path::Path;
 
 use crate::{Error, Result};
-use vibes_env::render::{RenderSettings, Renderer, View};
+use vibes_env::distractors::View;
+use vibes_env::render::{RenderSettings, Renderer};
 use vibes_env::videos::VideoLibrary;
 use vibes_env::{Environment, Start};
 

@@ -18,6 +18,7 @@ pub mod replay;
 pub mod stored;
 pub mod studio;
 mod trace;
+pub mod trained;
 pub mod verify;
 
 pub use error::{Error, Result};

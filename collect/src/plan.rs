@@ -4,9 +4,12 @@
 //! which distractor trajectory, and the seeds of both, which depend on the recording's seed and the trajectory's number alone. So a
 //! recording can be stopped, gone on with and extended, and always holds the same episodes.
 
+mod world;
+
 use serde::{Deserialize, Serialize};
 use vibes_data::{Cell, Grid};
 
+use crate::trained::ActedBy;
 use vibes_env::distractors::{AxisSeeds, DistractorSettings};
 use vibes_env::render::Look;
 use vibes_env::videos::{VideoSet, VideoSource};
@@ -43,6 +46,9 @@ pub struct RecordOptions {
     /// Seeds of single axes.
     #[serde(default, skip_serializing_if = "ChosenSeeds::is_empty")]
     pub axis_seeds: ChosenSeeds,
+    /// The trained runs among the policies.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub acting: Vec<ActedBy>,
     /// Degrees by which the states were turned about the origin after they were simulated; see [`vibes_env::Task::rotate`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotated: Option<f64>,
@@ -101,6 +107,12 @@ impl RecordOptions {
             }
         })
     }
+}
+
+/// The distractor trajectory under which a policy that sees pictures acts out a state trajectory: the one of the same number. It does not depend on the number of
+/// columns, so that a grid can be made wider; on a square grid it is the diagonal, and without a grid every episode's own.
+pub fn acting_distractor(state: u32) -> u32 {
+    state
 }
 
 /// The seed of a state trajectory.

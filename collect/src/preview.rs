@@ -9,8 +9,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::{Error, Result};
-use vibes_env::distractors::{Axes, AxisSeeds, DistractorSettings, DistractorTrajectory, Undistracted};
-use vibes_env::render::{RenderSettings, Renderer, camera_start, material_colors};
+use vibes_env::distractors::{Axes, AxisSeeds, DistractorSettings, DistractorTrajectory};
+use vibes_env::render::{RenderSettings, Renderer, undistracted};
 use vibes_env::videos::VideoLibrary;
 use vibes_env::{Environment, EnvironmentOptions};
 
@@ -58,8 +58,7 @@ impl ContactSheet {
         let (mut environment, states) = simulate(task, options.seed)?;
         let repeat = environment.action_repeat() as usize;
         let model = environment.physics_mut().model();
-        let (colors, frames) = (material_colors(model), videos.frame_counts());
-        let from = Undistracted { camera: camera_start(task, model)?, colors: &colors, video_frames: &frames };
+        let from = undistracted(task, model, videos)?;
         let mut renderer = Renderer::new(options.pictures, task, model)?;
         renderer.begin_episode(&states[0])?;
         let mut sheet = Self::blank(options.pictures.size);

@@ -11,17 +11,17 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use vibes_data::{EpisodeInfo, FORMAT, ImageSize, Manifest, Recording, RecordingWriter, Spec, Video};
+use vibes_data::{Recording, RecordingWriter};
 
 pub use source::Source;
 
 use crate::plan::{PlannedEpisode, RecordOptions};
+use crate::stored::Acted;
 use crate::studio::StudioSettings;
 use crate::{Error, Result};
 use source::Stored;
-use vibes_env::render::{check_drawing, material_colors, material_names};
-use vibes_env::videos::VideoLibrary;
-use vibes_env::{Environment, EnvironmentOptions, PolicyMix, StateTrajectory};
+use vibes_env::PolicyMix;
+use vibes_env::render::check_drawing;
 use worker::Worker;
 
 /// What is told while a recording grows.
@@ -54,9 +54,9 @@ pub struct RecordRun<'a> {
     pub stop: &'a AtomicBool,
 }
 
-/// A state trajectory, with what the manifest says of it, that is made by whoever needs it first, and forgotten after its last cell.
+/// A state trajectory that is made by whoever needs it first, and forgotten after its last cell.
 #[derive(Debug, Default)]
-struct Row(OnceLock<Option<(StateTrajectory, EpisodeInfo)>>);
+struct Row(OnceLock<Option<Acted>>);
 
 /// An episode to be made.
 type Job = (PlannedEpisode, Arc<Row>);
@@ -65,7 +65,7 @@ type Job = (PlannedEpisode, Arc<Row>);
 struct Shared<'a> {
     run: &'a RecordRun<'a>,
     mix: PolicyMix,
-    studio: StudioSettings<'a>,
+    studio: StudioSettings,
     stored: Stored<'a>,
     writer: &'a RecordingWriter,
     jobs: Mutex<std::vec::IntoIter<Job>>,
@@ -80,13 +80,13 @@ struct Shared<'a> {
 /// The first thing that goes wrong; every episode finished by then is kept. [`vibes_env::Error::NoEgl`] on a machine that cannot draw.
 pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Sync)) -> Result<Recording> {
     let options = run.options;
-    let environment = environment_of(options)?;
-    if options.size.is_some() {
+    let environment = options.environment()?;
+    if options.size.is_some() || options.acting.iter().any(|acting| acting.pictures.is_some()) {
         // Before anything is on disk: a machine without EGL leaves no empty recording behind.
         check_drawing()?;
     }
-    let videos = open_videos(options)?;
-    let manifest = manifest_of(options, run.seed, &environment, videos.videos());
+    let videos = options.video_library()?;
+    let manifest = options.manifest(run.seed, &environment, videos.videos());
     run.source.check_videos(videos.videos())?;
     let writer = RecordingWriter::create_or_resume(path, manifest, run.with_mcap)?;
     let resumed = Recording::open(path)?;
@@ -95,7 +95,7 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
     let shared = Shared {
         run,
         mix: options.policy.parse()?,
-        studio: StudioSettings::new(options, run.seed, &environment, &videos)?,
+        studio: StudioSettings::new(options, run.seed, &environment, videos)?,
         stored: Stored::new(run.source, &resumed),
         writer: &writer,
         jobs: Mutex::new(jobs.into_iter()),
@@ -113,58 +113,6 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
     let recording = writer.finish();
     // What went wrong first is what to say, even when the manifest could not be completed after it.
     failure.map_or_else(|| Ok(recording?), Err)
-}
-
-/// The environment of a recording.
-///
-/// # Errors
-/// [`vibes_env::Error::UnknownTask`].
-pub fn environment_of(options: &RecordOptions) -> Result<Environment> {
-    let RecordOptions { action_repeat, raw_torques, .. } = *options;
-    Environment::new(&options.task, EnvironmentOptions { action_repeat: Some(action_repeat), raw_torques })
-}
-
-/// The background videos of a recording; none where no picture would show them.
-///
-/// # Errors
-/// A folder that holds too few videos, a frame that cannot be decoded.
-pub fn open_videos(options: &RecordOptions) -> Result<VideoLibrary> {
-    let Some(size) = options.size.filter(|_| options.distractors.axes.background) else {
-        return Ok(VideoLibrary::none());
-    };
-    let count = options.video_count.or(options.distractors.difficulty.videos());
-    let names = options.videos.list(options.video_set, count)?;
-    VideoLibrary::open(&options.videos, options.video_set, &names, options.look.sky_side(size as usize))
-}
-
-/// The shape of a recording's episodes.
-pub fn spec_of(options: &RecordOptions, environment: &Environment) -> Spec {
-    let model = environment.physics().model();
-    Spec {
-        task: options.task.clone(),
-        action: environment.action_spec(),
-        observation: environment.observation_spec(),
-        qpos: environment.physics().qpos().len(),
-        qvel: environment.physics().qvel().len(),
-        pixels: options.size.map(|side| ImageSize { height: side, width: side }),
-        materials: material_names(model),
-        control_timestep: environment.control_timestep(),
-        action_repeat: environment.action_repeat(),
-    }
-}
-
-fn manifest_of(options: &RecordOptions, seed: u64, environment: &Environment, videos: &[Video]) -> Manifest {
-    let versions = [("vibes", env!("CARGO_PKG_VERSION")), ("mujoco", "3.17.0"), ("dm_control models", "1.0.50")];
-    Manifest {
-        format: FORMAT.into(),
-        spec: spec_of(options, environment),
-        options: serde_json::to_value(options).unwrap_or_default(),
-        seed,
-        versions: versions.map(|(name, version)| (name.into(), version.into())).into_iter().collect::<BTreeMap<_, _>>(),
-        grid: options.grid,
-        videos: videos.to_vec(),
-        episodes: Vec::new(),
-    }
 }
 
 /// What is not there yet. Cells are ordered so that as many rows are simulated at once as there are threads: nobody waits for another's physics.
@@ -199,9 +147,4 @@ impl Shared<'_> {
             rows: self.rows.load(Ordering::Relaxed),
         });
     }
-}
-
-/// The model's own material colours, where the colour axis is off.
-pub(crate) fn own_colors(environment: &Environment) -> Vec<f32> {
-    material_colors(environment.physics().model())
 }

@@ -34,6 +34,17 @@ pub fn is_intact(recording: &Recording, entry: &EpisodeEntry) -> bool {
     std::fs::read(recording.path().join(&entry.arrow.path)).is_ok_and(|bytes| sha256_hex(&bytes) == entry.arrow.sha256)
 }
 
+/// A state trajectory and how it came about.
+#[derive(Clone, Debug)]
+pub struct Acted {
+    /// The states, actions and rewards.
+    pub trajectory: StateTrajectory,
+    /// What the manifest says of them.
+    pub info: EpisodeInfo,
+    /// The distractor trajectory that the policy saw while it acted, of a policy that sees pictures.
+    pub acting_distractor: Option<u32>,
+}
+
 /// What the manifest says of an episode beside its columns.
 pub fn info_of(entry: &EpisodeEntry) -> EpisodeInfo {
     EpisodeInfo { policy: entry.policy.clone(), seed: entry.seed, model_overrides: entry.model_overrides.clone() }

@@ -2,31 +2,30 @@
 //!
 //! In: a [`StateTrajectory`], a [`DistractorTrajectory`]. Out: an [`Episode`], its rows aligned by `vibes-data`'s builder. One [`Studio`] a thread.
 
+use std::sync::Arc;
+
 use vibes_data::{Episode, EpisodeBuilder, Frame};
 
 use crate::Result;
 use crate::plan::{ChosenSeeds, PlannedEpisode, RecordOptions};
-use crate::recorder::own_colors;
-use vibes_env::distractors::camera::CameraStart;
-use vibes_env::distractors::{DistractorSettings, DistractorTrajectory, Undistracted};
-use vibes_env::render::{RenderSettings, Renderer, camera_start};
+use crate::stored::Acted;
+use vibes_env::distractors::{AxisSeeds, DistractorSettings, DistractorTrajectory, Undistracted};
+use vibes_env::render::{RenderSettings, Renderer, undistracted};
 use vibes_env::videos::VideoLibrary;
 use vibes_env::{Environment, StateTrajectory};
 
 /// What is the same for every episode of a recording.
 #[derive(Debug)]
-pub struct StudioSettings<'a> {
+pub struct StudioSettings {
     distractors: DistractorSettings,
     seed: u64,
     axis_seeds: ChosenSeeds,
-    camera: CameraStart,
-    colors: Vec<f32>,
-    videos: &'a VideoLibrary,
-    video_frames: Vec<usize>,
+    undistracted: Undistracted,
+    videos: Arc<VideoLibrary>,
     pictures: Option<RenderSettings>,
 }
 
-impl<'a> StudioSettings<'a> {
+impl StudioSettings {
     /// Reads the camera and the colours that the distractors start from off the task's model.
     ///
     /// # Errors
@@ -35,32 +34,39 @@ impl<'a> StudioSettings<'a> {
         options: &RecordOptions,
         seed: u64,
         environment: &Environment,
-        videos: &'a VideoLibrary,
+        videos: Arc<VideoLibrary>,
     ) -> Result<Self> {
         Ok(Self {
             distractors: options.distractors,
             seed,
             axis_seeds: options.axis_seeds,
-            camera: camera_start(&options.task, environment.physics().model())?,
-            colors: own_colors(environment),
+            undistracted: undistracted(&options.task, environment.physics().model(), &videos)?,
             videos,
-            video_frames: videos.frame_counts(),
-            pictures: options.size.map(|size| RenderSettings { size: size as usize, look: options.look }),
+            pictures: options.pictures(),
         })
     }
 
     /// The parameters of one distractor trajectory of T agent steps.
     pub fn distractor(&self, number: u32, steps: usize, action_repeat: u32) -> DistractorTrajectory {
-        let from = Undistracted { camera: self.camera, colors: &self.colors, video_frames: &self.video_frames };
-        let seeds = self.axis_seeds.of_trajectory(self.seed, number);
-        DistractorTrajectory::generate(&self.distractors, &from, steps, action_repeat as usize, seeds)
+        let repeat = action_repeat as usize;
+        DistractorTrajectory::generate(&self.distractors, &self.undistracted, steps, repeat, self.seeds(number))
+    }
+
+    /// The seeds of one distractor trajectory.
+    pub fn seeds(&self, number: u32) -> AxisSeeds {
+        self.axis_seeds.of_trajectory(self.seed, number)
+    }
+
+    /// The background videos.
+    pub fn videos(&self) -> &Arc<VideoLibrary> {
+        &self.videos
     }
 }
 
 /// A render context, if pictures are asked for, and the settings.
 #[derive(Debug)]
 pub struct Studio<'a> {
-    settings: &'a StudioSettings<'a>,
+    settings: &'a StudioSettings,
     renderer: Option<Renderer>,
 }
 
@@ -69,7 +75,7 @@ impl<'a> Studio<'a> {
     ///
     /// # Errors
     /// [`vibes_env::Error::NoEgl`] on a machine that cannot draw.
-    pub fn new(settings: &'a StudioSettings<'a>, environment: &Environment) -> Result<Self> {
+    pub fn new(settings: &'a StudioSettings, environment: &Environment) -> Result<Self> {
         let physics = environment.physics();
         let open = |pictures| Renderer::new(pictures, environment.name(), physics.model());
         Ok(Self { settings, renderer: settings.pictures.map(open).transpose()? })
@@ -82,13 +88,15 @@ impl<'a> Studio<'a> {
     pub fn draw_episode(
         &mut self,
         planned: PlannedEpisode,
-        trajectory: &StateTrajectory,
+        acted: &Acted,
         distractor: &DistractorTrajectory,
         environment: &mut Environment,
     ) -> Result<Episode> {
+        let trajectory = &acted.trajectory;
         self.begin(trajectory, environment)?;
         let first = self.frame(trajectory, distractor, 0)?;
-        let mut builder = EpisodeBuilder::first(planned.index, planned.cell, first);
+        let mut builder =
+            EpisodeBuilder::first(planned.index, planned.cell, first).acting_under(acted.acting_distractor);
         for step in 0..trajectory.steps() {
             let action: Vec<f32> = trajectory.actions[step].iter().map(|&number| number as f32).collect();
             let next = self.frame(trajectory, distractor, step + 1)?;
@@ -116,7 +124,7 @@ impl<'a> Studio<'a> {
         let mut pixels = Vec::new();
         if let Some(renderer) = &mut self.renderer {
             pixels.resize(renderer.picture_bytes(), 0);
-            renderer.draw(&trajectory.qpos[row], &distractor.view(row), self.settings.videos, &mut pixels)?;
+            renderer.draw(&trajectory.qpos[row], &distractor.view(row), &self.settings.videos, &mut pixels)?;
         }
         Ok(Frame {
             observation: trajectory.observations[row].iter().map(|&number| number as f32).collect(),

@@ -3,13 +3,15 @@
 //!
 //! In: a recording. Out: a [`Verdict`]: what is wrong, and the largest errors seen.
 
+use std::sync::Arc;
+
 use vibes_data::{BackgroundFrame, EpisodeEntry, EpisodeView, Finding, Recording, verify_episode};
 
 use crate::Result;
 use crate::care::merge::{MergedPart, merged_parts};
 use crate::plan::RecordOptions;
-use crate::recorder::{environment_of, open_videos};
-use vibes_env::render::{RenderSettings, Renderer, View};
+use vibes_env::distractors::View;
+use vibes_env::render::Renderer;
 use vibes_env::videos::VideoLibrary;
 use vibes_env::{Environment, ModelOverrides, Start};
 
@@ -130,15 +132,15 @@ struct Again {
     listed: Option<Vec<u32>>,
     environment: Environment,
     renderer: Option<Renderer>,
-    videos: VideoLibrary,
+    videos: Arc<VideoLibrary>,
 }
 
 impl Again {
     fn new(options: RecordOptions, listed: Option<Vec<u32>>) -> Result<Self> {
-        let environment = environment_of(&options)?;
-        let settings = options.size.map(|size| RenderSettings { size: size as usize, look: options.look });
+        let environment = options.environment()?;
+        let settings = options.pictures();
         let open = |settings| Renderer::new(settings, environment.name(), environment.physics().model());
-        Ok(Self { listed, renderer: settings.map(open).transpose()?, videos: open_videos(&options)?, environment })
+        Ok(Self { listed, renderer: settings.map(open).transpose()?, videos: options.video_library()?, environment })
     }
 
     fn compare(&mut self, entry: &EpisodeEntry, view: &EpisodeView, verdict: &mut Verdict) -> Result<()> {

@@ -20,6 +20,9 @@ use crate::{Episode, EpisodeEntry, Error, Result, Spec};
 /// The schema metadata key under which an episode's own entry (JSON) stands.
 const ENTRY: &str = "vibes.episode";
 
+/// The column of the distractor trajectory that a policy saw while it acted; recordings from before policies saw pictures lack it.
+pub(crate) const ACTING_DISTRACTOR: &str = "acting_distractor";
+
 /// The columns of an episode of this spec. A column of no numbers (`observation`, `qpos`, `qvel`, `pixels`, `colors` where the
 /// spec has none) is left out.
 pub fn episode_schema(spec: &Spec) -> Schema {
@@ -29,6 +32,7 @@ pub fn episode_schema(spec: &Spec) -> Schema {
         field("step", DataType::UInt32, false),
         field("state", DataType::UInt32, true),
         field("distractor", DataType::UInt32, true),
+        field(ACTING_DISTRACTOR, DataType::UInt32, true),
         field("is_first", DataType::Boolean, false),
         field("is_last", DataType::Boolean, false),
         field("is_terminal", DataType::Boolean, false),
@@ -110,6 +114,7 @@ fn columns(episode: &Episode, spec: &Spec) -> std::result::Result<Vec<ArrayRef>,
         Arc::new(UInt32Array::from_iter_values(0..rows as u32)),
         same(episode.cell.map(|cell| cell.state)),
         same(episode.cell.map(|cell| cell.distractor)),
+        same(episode.acting_distractor),
         flag(&|row| row == 0),
         flag(&|row| row == last),
         flag(&|row| row == last && episode.is_terminal),

@@ -15,6 +15,9 @@ pub struct Episode {
     pub index: u32,
     /// Its place in the grid, if there is one.
     pub cell: Option<Cell>,
+    /// The distractor trajectory under which the policy acted, of a policy that sees pictures; its state trajectory is then the same under every
+    /// other distractor of its row.
+    pub acting_distractor: Option<u32>,
     /// Whether the last state is terminal (value 0 from there), not only the last recorded.
     pub is_terminal: bool,
     /// `[T, action]`, in the task's own bounds.
@@ -95,6 +98,13 @@ impl EpisodeBuilder {
         builder
     }
 
+    /// Says under which distractor trajectory the policy acts.
+    #[must_use]
+    pub fn acting_under(mut self, distractor: Option<u32>) -> Self {
+        self.episode.acting_distractor = distractor;
+        self
+    }
+
     /// The action taken at the latest row, what it earned there, and what is seen next.
     pub fn step(&mut self, action: &[f32], reward: f32, discount: f32, next: Frame) {
         self.episode.actions.extend_from_slice(action);
@@ -132,9 +142,9 @@ impl Episode {
         self.steps() + 1
     }
 
-    /// Sum of the rewards.
+    /// Sum of the rewards; 0 without any, where `sum` would give −0.
     pub fn episode_return(&self) -> f64 {
-        self.rewards.iter().map(|&reward| f64::from(reward)).sum()
+        self.rewards.iter().fold(0.0, |sum, &reward| sum + f64::from(reward))
     }
 
     /// Checks every column's length against the spec, and that rewards and discounts are numbers: one that is not would make
@@ -178,7 +188,8 @@ impl Episode {
         let cameras = |episode: &Self| -> Vec<f64> {
             episode.cameras.iter().flat_map(|camera| [camera.r, camera.h, camera.v, camera.roll]).collect()
         };
-        (self.index, self.cell, self.is_terminal) == (other.index, other.cell, other.is_terminal)
+        let head = |episode: &Self| (episode.index, episode.cell, episode.acting_distractor, episode.is_terminal);
+        head(self) == head(other)
             && self.pixels == other.pixels
             && self.backgrounds == other.backgrounds
             && singles(&self.actions, &other.actions)

@@ -114,6 +114,7 @@ fn step(episode: &Episode, spec: &Spec, row: usize) -> Step {
         observation: slice(&episode.observations, row, spec.observation_len()),
         qpos: slice(&episode.qpos, row, spec.qpos),
         qvel: slice(&episode.qvel, row, spec.qvel),
+        acting_distractor: episode.acting_distractor,
     }
 }
 
@@ -225,6 +226,7 @@ fn append(episode: &mut Episode, spec: &Spec, topic: &str, data: &[u8]) -> std::
 fn append_step(episode: &mut Episode, step: Step) {
     episode.index = step.episode;
     episode.cell = step.state.zip(step.distractor).map(|(state, distractor)| Cell { state, distractor });
+    episode.acting_distractor = step.acting_distractor;
     episode.is_terminal |= step.is_terminal;
     episode.actions.extend(step.action);
     episode.rewards.extend(step.reward);

@@ -10,7 +10,7 @@ use arrow::array::{AsArray, BooleanArray};
 use arrow::buffer::ScalarBuffer;
 use arrow::datatypes::{Float32Type, Float64Type, UInt32Type};
 
-use crate::arrow_table::episode_schema;
+use crate::arrow_table::{ACTING_DISTRACTOR, episode_schema};
 use crate::map::{MappedTable, Pages};
 use crate::{BackgroundFrame, CameraPose, Cell, Episode, Error, Result, Spec};
 
@@ -19,6 +19,7 @@ use crate::{BackgroundFrame, CameraPose, Cell, Episode, Error, Result, Spec};
 pub struct EpisodeView {
     index: u32,
     cell: Option<Cell>,
+    acting_distractor: Option<u32>,
     rows: usize,
     is_terminal: bool,
     actions: Columns<f32>,
@@ -71,11 +72,13 @@ impl EpisodeView {
         let (state, distractor) = (uint("state"), uint("distractor"));
         let cell = (state.is_valid(0) && distractor.is_valid(0))
             .then(|| Cell { state: state.value(0), distractor: distractor.value(0) });
+        let acting = batch.column_by_name(ACTING_DISTRACTOR).map(|column| column.as_primitive::<UInt32Type>());
         let camera: &StructArray = batch["camera"].as_struct();
         let part = |i: usize| camera.column(i).as_primitive::<Float64Type>().values().clone();
         Self {
             index: uint("episode").value(0),
             cell,
+            acting_distractor: acting.filter(|acting| acting.is_valid(0)).map(|acting| acting.value(0)),
             rows,
             is_terminal: batch["is_terminal"].as_boolean().value(rows - 1),
             actions: floats(batch["action"].as_fixed_size_list()),
@@ -103,6 +106,11 @@ impl EpisodeView {
     /// Its place in the grid.
     pub fn cell(&self) -> Option<Cell> {
         self.cell
+    }
+
+    /// The distractor trajectory under which its policy acted; none for a policy that saw no picture.
+    pub fn acting_distractor(&self) -> Option<u32> {
+        self.acting_distractor
     }
 
     /// Number of rows, T + 1.
@@ -182,6 +190,7 @@ impl EpisodeView {
         Episode {
             index: self.index,
             cell: self.cell,
+            acting_distractor: self.acting_distractor,
             is_terminal: self.is_terminal,
             actions: self.actions.values[..steps * self.actions.len].to_vec(),
             rewards: self.rewards[..steps].to_vec(),
@@ -222,9 +231,11 @@ pub fn episode_table(path: &Path, spec: &Spec) -> Result<RecordBatch> {
 
 fn checked_table(path: &Path, spec: &Spec) -> Result<(RecordBatch, Pages)> {
     let table = MappedTable::open(path)?;
-    let expected = episode_schema(spec);
-    if table.schema().fields() != expected.fields() {
-        let fact = difference(table.schema().fields(), expected.fields());
+    let expected = episode_schema(spec).fields;
+    let found = table.schema();
+    let is_older = || found.fields().iter().eq(expected.iter().filter(|field| field.name() != ACTING_DISTRACTOR));
+    if found.fields() != &expected && !is_older() {
+        let fact = difference(found.fields(), &expected);
         return Err(Error::malformed(path, fact, "the columns of the manifest's spec"));
     }
     if table.batches() != 1 {
@@ -249,8 +260,9 @@ fn check_alignment(batch: &RecordBatch) -> std::result::Result<(), String> {
     if rows == 0 {
         return Err("no rows".into());
     }
-    let constant = ["episode", "state", "distractor"].into_iter().find(|name| {
-        let column = batch[*name].as_primitive::<UInt32Type>();
+    let constant = ["episode", "state", "distractor", ACTING_DISTRACTOR].into_iter().find(|name| {
+        let Some(column) = batch.column_by_name(name) else { return false };
+        let column = column.as_primitive::<UInt32Type>();
         (1..rows).any(|row| column.is_valid(row) != column.is_valid(0) || column.value(row) != column.value(0))
     });
     if let Some(name) = constant {

@@ -1,7 +1,7 @@
 //! The distractors: what changes in the picture without changing the task.
 //!
 //! In: how strong they are ([`DistractorSettings`]), where the camera starts, the model's colours, the videos' lengths and a seed per axis. Out: a
-//! [`DistractorTrajectory`] of *parameters* per agent step. It knows nothing of the physics, so one trajectory can be laid over any
+//! [`DistractorTrajectory`] of *parameters* per agent step, or a [`DistractorWalk`] that gives one step at a time. It knows nothing of the physics, so one trajectory can be laid over any
 //! state trajectory of the task; the renderer composes the two.
 
 pub mod background;
@@ -9,6 +9,7 @@ pub mod camera;
 pub mod color;
 mod preset;
 pub mod view;
+mod walk;
 
 use std::fmt;
 use std::str::FromStr;
@@ -20,11 +21,10 @@ use vibes_data::{BackgroundFrame, CameraPose};
 
 pub use preset::{CameraRanges, ColorRanges, Difficulty, ground_alpha, upper_quadrant};
 
+pub use walk::DistractorWalk;
+
 use crate::error::Error;
-use crate::render::View;
-use background::{BackgroundReset, BackgroundWalk};
-use camera::{CameraBounds, CameraReset, CameraStart, CameraStep, CameraWalk};
-use color::ColorWalk;
+use camera::CameraStart;
 
 /// Which axes are distracted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -131,14 +131,25 @@ impl AxisSeeds {
 }
 
 /// What the distractors start from: the task's own picture.
-#[derive(Clone, Copy, Debug)]
-pub struct Undistracted<'a> {
+#[derive(Clone, Debug, PartialEq)]
+pub struct Undistracted {
     /// The model's own camera.
     pub camera: CameraStart,
     /// The model's own material colours, `[materials, 3]`.
-    pub colors: &'a [f32],
+    pub colors: Vec<f32>,
     /// Number of frames of each video; empty shows the model's own sky.
-    pub video_frames: &'a [usize],
+    pub video_frames: Vec<usize>,
+}
+
+/// The distractors at one row, as a picture shows them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct View<'a> {
+    /// Where the camera is; none for the model's own.
+    pub camera: Option<CameraPose>,
+    /// The video frame in the sky; none for the model's own sky, and an opaque ground.
+    pub background: Option<BackgroundFrame>,
+    /// RGB of every material, `[materials, 3]`; none for the model's own.
+    pub colors: Option<&'a [f32]>,
 }
 
 /// The distractors' parameters at every row of an episode of T agent steps.
@@ -156,29 +167,25 @@ impl DistractorTrajectory {
     /// Walks all axes for `steps` agent steps of `action_repeat` control steps each. Row 0 is what the reset shows.
     pub fn generate(
         settings: &DistractorSettings,
-        from: &Undistracted<'_>,
+        from: &Undistracted,
         steps: usize,
         action_repeat: usize,
         seeds: AxisSeeds,
     ) -> Self {
-        let [background, camera, color] = seeds.generators();
-        Self {
-            cameras: if settings.axes.camera {
-                walk_camera(settings, from.camera, steps, action_repeat, camera)
-            } else {
-                vec![from.camera.pose; steps + 1]
-            },
-            backgrounds: if settings.axes.background && !from.video_frames.is_empty() {
-                walk_background(settings, from.video_frames, steps, action_repeat, background)
-            } else {
-                vec![None; steps + 1]
-            },
-            colors: if settings.axes.color {
-                walk_colors(settings, from.colors, steps, action_repeat, color)
-            } else {
-                from.colors.repeat(steps + 1)
-            },
+        let mut walk = DistractorWalk::reset(settings, from, seeds);
+        let mut trajectory = Self::default();
+        trajectory.push(&walk);
+        for _ in 0..steps {
+            (0..action_repeat).for_each(|_| walk.advance());
+            trajectory.push(&walk);
         }
+        trajectory
+    }
+
+    fn push(&mut self, walk: &DistractorWalk) {
+        self.cameras.push(walk.camera());
+        self.backgrounds.push(walk.background());
+        self.colors.extend_from_slice(walk.colors());
     }
 
     /// Number of rows, T + 1.
@@ -196,66 +203,6 @@ impl DistractorTrajectory {
         let channels = self.colors.len() / self.rows().max(1);
         &self.colors[row * channels..(row + 1) * channels]
     }
-}
-
-fn walk_camera(
-    settings: &DistractorSettings,
-    start: CameraStart,
-    steps: usize,
-    action_repeat: usize,
-    mut rng: ChaCha8Rng,
-) -> Vec<CameraPose> {
-    let ranges = CameraRanges::new(settings.difficulty, settings.dynamic);
-    let bounds = CameraBounds::new(&start, &ranges);
-    let reset = CameraReset::draw(&bounds, &ranges, &mut rng);
-    let mut walk = CameraWalk::reset(bounds, ranges, &reset);
-    walk.advance(&CameraStep::draw(&mut rng));
-    let mut cameras = vec![walk.pose()];
-    for _ in 0..steps {
-        for _ in 0..action_repeat {
-            walk.advance(&CameraStep::draw(&mut rng));
-        }
-        cameras.push(walk.pose());
-    }
-    cameras
-}
-
-fn walk_background(
-    settings: &DistractorSettings,
-    video_frames: &[usize],
-    steps: usize,
-    action_repeat: usize,
-    mut rng: ChaCha8Rng,
-) -> Vec<Option<BackgroundFrame>> {
-    let reset = BackgroundReset::draw(video_frames, &mut rng);
-    let mut walk = BackgroundWalk::reset(&reset, video_frames[reset.video], settings.dynamic);
-    let mut frames = vec![Some(walk.frame())];
-    for _ in 0..steps {
-        (0..action_repeat).for_each(|_| walk.advance());
-        frames.push(Some(walk.frame()));
-    }
-    frames
-}
-
-fn walk_colors(
-    settings: &DistractorSettings,
-    original: &[f32],
-    steps: usize,
-    action_repeat: usize,
-    mut rng: ChaCha8Rng,
-) -> Vec<f32> {
-    let ranges = ColorRanges::new(settings.difficulty, settings.dynamic);
-    let mut normals = color::draw_reset(original.len(), &mut rng);
-    let mut walk = ColorWalk::reset(original, &ranges, &normals);
-    let mut colors: Vec<f32> = walk.rgb().collect();
-    for _ in 0..steps {
-        for _ in 0..action_repeat {
-            color::draw_step(&mut normals, &mut rng);
-            walk.advance(&normals);
-        }
-        colors.extend(walk.rgb());
-    }
-    colors
 }
 
 #[cfg(test)]

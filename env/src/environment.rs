@@ -7,24 +7,9 @@ use rand::RngCore;
 use serde::{Deserialize, Serialize};
 use vibes_data::{ActionSpec, ObservationPart};
 
-use crate::physics::{ModelOverrides, Physics, Snapshot};
+use crate::physics::{Physics, Snapshot, Start};
 use crate::tasks::{Actuation, EPISODE_CONTROL_STEPS, Loaded, Task, load};
 use crate::{Error, Result};
-
-/// Where an episode starts: everything its physics depends on.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Start {
-    /// Simulated seconds.
-    pub time: f64,
-    /// Generalised positions `[nq]`.
-    pub qpos: Vec<f64>,
-    /// Generalised velocities `[nv]`.
-    pub qvel: Vec<f64>,
-    /// Actuator activations `[na]`; no task here has any.
-    pub act: Vec<f64>,
-    /// What is changed in the model, by object name.
-    pub model_overrides: ModelOverrides,
-}
 
 /// What a user may choose about an environment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

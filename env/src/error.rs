@@ -88,6 +88,14 @@ pub enum Error {
         /// What would be right.
         expected: String,
     },
+    /// A policy of another package could not choose an action.
+    #[error("the policy {policy} cannot act: {source}")]
+    Acting {
+        /// Its name, as typed.
+        policy: String,
+        /// Its own error.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
     /// MuJoCo refused a model.
     #[error("MuJoCo cannot load the model {name}: {fact}")]
     Model {

@@ -1,11 +1,13 @@
 //! The world that agents live in: MuJoCo tasks of the Distracting Control Suite, policies that act in them, distractors and pictures.
 //!
-//! An [`Environment`] is a task under a clock; a [`Policy`] chooses its actions; [`rollout`] makes a [`StateTrajectory`] of the two. A
-//! [`distractors::DistractorTrajectory`] says what changes in the picture, and a [`render::Renderer`] draws the two together.
+//! An [`Environment`] is a task under a clock. A [`distractors::DistractorWalk`] says what changes in the picture, a [`render::Renderer`] draws
+//! the two together, and [`Eyes`] put all three under one clock: reset, step, and a row's picture only when it is asked for. A [`Policy`] chooses
+//! actions from what it may see; [`rollout`] lets it act through an episode and gives a [`StateTrajectory`].
 
 pub mod distractors;
 mod environment;
 mod error;
+mod eyes;
 mod gaussian;
 mod physics;
 mod policies;
@@ -14,10 +16,11 @@ mod rollout;
 mod tasks;
 pub mod videos;
 
-pub use environment::{Environment, EnvironmentOptions, Start};
+pub use environment::{Environment, EnvironmentOptions};
 pub use error::{Error, Result};
+pub use eyes::Eyes;
 pub use gaussian::standard_normal;
-pub use physics::{ModelOverrides, Physics, Snapshot};
-pub use policies::{Planner, PlannerSettings, Policy, PolicyMix, PolicySpec};
-pub use rollout::{StateTrajectory, rollout};
+pub use physics::{ModelOverrides, Physics, Snapshot, Start};
+pub use policies::{Planner, PlannerSettings, Policy, PolicyMix, PolicySpec, Random, Replay, Sight};
+pub use rollout::{EpisodeSeeds, StateTrajectory, rollout};
 pub use tasks::{EPISODE_CONTROL_STEPS, KNOWN_SLIDE, Sigmoid, Sinusoid, Task, Tolerance, known_reward, task_names};

@@ -6,6 +6,7 @@
 mod models;
 mod overrides;
 mod snapshot;
+mod start;
 
 use std::sync::Once;
 
@@ -15,6 +16,7 @@ use mujoco_rs::prelude::{MjData, MjLogMessage, MjModel, MjtLogLevel, MjtObjBase,
 pub(crate) use models::suite_xml;
 pub use overrides::ModelOverrides;
 pub use snapshot::Snapshot;
+pub use start::Start;
 
 use crate::{Error, Result};
 

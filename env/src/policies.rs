@@ -1,7 +1,8 @@
-//! Behaviour policies: who chooses the actions of a recording.
+//! Whoever acts: a [`Policy`] begins an episode and chooses an action at every agent step, from what it may see.
 //!
-//! In: a policy as typed (`random`, `planner:noise=0.3`, `actions:FILE`), or a mix of them with weights. Out: an action for every agent step,
-//! from the simulation's present state and a passed-in generator.
+//! In: a policy as typed (`random`, `planner:noise=0.3`, `actions:FILE`, a run's folder), or a mix of them with weights; at every agent step a
+//! [`Sight`]: the vector observation, the picture, and for planners the simulator. Out: an action in the task's own bounds.
+//! The policies that need no training live here; a trained run is one more implementation of [`Policy`], made by whoever has its networks.
 
 mod actions;
 mod mix;
@@ -9,15 +10,51 @@ mod planner;
 mod random;
 
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use rand::RngCore;
 
+use crate::render::RenderSettings;
 use crate::{Environment, EnvironmentOptions, Error, Result, Start};
 
+pub use actions::Replay;
 pub use mix::PolicyMix;
 pub use planner::{Planner, PlannerSettings};
+pub use random::Random;
+
+/// What a policy may look at when it chooses an action.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight<'a> {
+    /// The task's vector observation, `[observation]`, in single precision as a recording keeps it.
+    pub observation: &'a [f32],
+    /// The picture, `[height, width, 3]`, under the distractors; empty for a policy that asks for none ([`Policy::pictures`]).
+    pub pixels: &'a [u8],
+    /// The simulator itself, for planners and for what is known of the task (its bounds, its clock).
+    pub environment: &'a Environment,
+}
+
+/// Whoever chooses the actions of an episode.
+pub trait Policy: fmt::Debug {
+    /// Size and look of the pictures it wants to see at every agent step; none for a policy that acts without pictures, so that nothing is drawn
+    /// for it.
+    fn pictures(&self) -> Option<RenderSettings> {
+        None
+    }
+
+    /// Gets ready for an episode that begins at `start`: whatever it remembers of the last one is forgotten.
+    ///
+    /// # Errors
+    /// When the start is not one of its task's.
+    fn begin(&mut self, start: &Start) -> Result<()>;
+
+    /// Chooses the action at the present row, `[action]`, in the task's own bounds. Called once for every agent step, in order; all that
+    /// is random in it comes from `rng`.
+    ///
+    /// # Errors
+    /// When it has no action for this row. [`Error::Acting`] is there for policies of other packages.
+    fn act(&mut self, sight: &Sight<'_>, rng: &mut dyn RngCore) -> Result<Vec<f64>>;
+}
 
 /// A policy as asked for.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,9 +71,36 @@ pub enum PolicySpec {
         /// A JSON list of rows, or a `vibes-trace/1` file.
         path: PathBuf,
     },
+    /// A trained run's actor.
+    Run {
+        /// The run's folder.
+        path: PathBuf,
+    },
 }
 
-const EXPECTED: &str = "the policies are random, planner, planner:noise=SIGMA and actions:FILE";
+const EXPECTED: &str =
+    "the policies are random, planner, planner:noise=SIGMA, actions:FILE and the folder of a trained run";
+
+impl PolicySpec {
+    /// Makes the policy for a task; a planner loads its own simulation of it.
+    ///
+    /// # Errors
+    /// For a file of actions that cannot be read, and for [`PolicySpec::Run`], which only a program that has the networks can load.
+    pub fn policy(&self, task: &str, options: EnvironmentOptions) -> Result<Box<dyn Policy>> {
+        Ok(match self {
+            Self::Random => Box::new(Random),
+            Self::Planner { noise } => Box::new(Planner::new(task, options, *noise)?),
+            Self::Actions { path } => Box::new(Replay::read(path)?),
+            Self::Run { .. } => {
+                return Err(Error::Policy {
+                    text: self.to_string(),
+                    fact: "a trained run cannot act here".to_owned(),
+                    expected: "a policy that needs no networks".to_owned(),
+                });
+            }
+        })
+    }
+}
 
 impl FromStr for PolicySpec {
     type Err = Error;
@@ -58,7 +122,9 @@ impl FromStr for PolicySpec {
             ("actions", Some(path)) if !path.is_empty() => Ok(Self::Actions { path: path.into() }),
             ("actions", _) => Err(refused("actions needs a file")),
             ("random", Some(_)) => Err(refused("random takes no options")),
-            _ => Err(refused("no such policy")),
+            // A run is named by its folder, which may hold a colon.
+            _ if text.contains('/') || Path::new(text).is_dir() => Ok(Self::Run { path: text.into() }),
+            _ => Err(refused("no such policy and no such folder")),
         }
     }
 }
@@ -70,49 +136,7 @@ impl fmt::Display for PolicySpec {
             Self::Planner { noise } if *noise > 0.0 => write!(f, "planner:noise={noise}"),
             Self::Planner { .. } => f.write_str("planner"),
             Self::Actions { path } => write!(f, "actions:{}", path.display()),
-        }
-    }
-}
-
-/// A policy at work.
-#[derive(Debug)]
-pub enum Policy {
-    /// See [`PolicySpec::Random`].
-    Random,
-    /// See [`PolicySpec::Planner`].
-    Planner(Box<Planner>),
-    /// See [`PolicySpec::Actions`]: the rows, and which is next.
-    Actions(actions::Replay),
-}
-
-impl Policy {
-    /// Makes a policy for a task; a planner loads its own simulation of it.
-    pub fn new(spec: &PolicySpec, task: &str, options: EnvironmentOptions) -> Result<Self> {
-        Ok(match spec {
-            PolicySpec::Random => Self::Random,
-            PolicySpec::Planner { noise } => Self::Planner(Box::new(Planner::new(task, options, *noise)?)),
-            PolicySpec::Actions { path } => Self::Actions(actions::Replay::read(path)?),
-        })
-    }
-
-    /// Gets ready for an episode.
-    pub fn begin(&mut self, start: &Start) -> Result<()> {
-        match self {
-            Self::Random => Ok(()),
-            Self::Planner(planner) => planner.begin(start),
-            Self::Actions(replay) => {
-                replay.begin();
-                Ok(())
-            }
-        }
-    }
-
-    /// Chooses the action of the present state.
-    pub fn act(&mut self, environment: &Environment, rng: &mut impl RngCore) -> Result<Vec<f64>> {
-        match self {
-            Self::Random => Ok(random::act(&environment.action_spec(), rng)),
-            Self::Planner(planner) => Ok(planner.act(environment, rng)),
-            Self::Actions(replay) => replay.act(environment),
+            Self::Run { path } => write!(f, "{}", path.display()),
         }
     }
 }
@@ -123,7 +147,7 @@ mod tests {
 
     #[test]
     fn what_is_typed_is_what_is_shown() {
-        for text in ["random", "planner", "planner:noise=0.3", "actions:runs/a:b.json"] {
+        for text in ["random", "planner", "planner:noise=0.3", "actions:runs/a:b.json", "runs/reacher", "./runs:1/a"] {
             assert_eq!(text.parse::<PolicySpec>().unwrap().to_string(), text);
         }
         assert_eq!("planner:noise=0".parse::<PolicySpec>().unwrap(), PolicySpec::Planner { noise: 0.0 });

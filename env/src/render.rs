@@ -18,12 +18,13 @@ use std::time::{Duration, Instant};
 use mujoco_rs::mujoco_c::mjr_finish;
 use mujoco_rs::prelude::{MjModel, MjrContext, MjrRectangle, MjvCamera, MjvOption, MjvPerturb, MjvScene};
 use serde::{Deserialize, Serialize};
-use vibes_data::{BackgroundFrame, CameraPose};
+use vibes_data::BackgroundFrame;
 
 pub use difference::picture_difference;
-pub use scene::{CameraProbe, camera_start, material_colors, material_names};
+pub use scene::{CameraProbe, camera_start, material_colors, material_names, undistracted};
 pub use speed::{Speed, SpeedTrial, StageTimes};
 
+use crate::distractors::View;
 use crate::distractors::view::{Anchor, CameraFrame};
 use crate::error::{Error, Result};
 use crate::videos::{LEVELS, SUITE_SIDE, VideoLibrary};
@@ -100,17 +101,6 @@ impl Default for RenderSettings {
 
 /// Largest picture drawn.
 pub const MAX_SIZE: usize = 2048;
-
-/// The distractors at one row.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct View<'a> {
-    /// Where the camera is; none for the model's own.
-    pub camera: Option<CameraPose>,
-    /// The video frame in the sky; none for the model's own sky, and an opaque ground.
-    pub background: Option<BackgroundFrame>,
-    /// RGB of every material, `[materials, 3]`; none for the model's own.
-    pub colors: Option<&'a [f32]>,
-}
 
 /// Draws pictures of one model.
 #[derive(Debug)]

@@ -1,13 +1,15 @@
-//! The one loop that makes a state trajectory: a policy acts in an environment from a start until the episode ends. Nothing is drawn here;
-//! pictures are made afterwards from the stored positions, once for every distractor trajectory.
+//! The one loop that makes a state trajectory: a policy acts in an environment from a start until the episode ends. Nothing is drawn here but what
+//! the policy asks to see; the pictures of a recording are made afterwards from the stored positions, once for every distractor trajectory.
 //!
-//! In: an environment, a policy, a seed. Out: a [`StateTrajectory`].
+//! In: eyes on an environment, a policy, seeds. Out: a [`StateTrajectory`].
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+use crate::distractors::AxisSeeds;
+use crate::eyes::Eyes;
 use crate::policies::Policy;
-use crate::{Environment, Result, Start};
+use crate::{Error, Result, Start};
 
 /// One episode of states, by agent steps: `T` actions and rewards, `T + 1` rows of everything that describes a state.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,18 +34,43 @@ impl StateTrajectory {
         self.actions.len()
     }
 
-    /// The sum of the rewards.
+    /// The sum of the rewards; 0 for an episode of no step (`sum` of nothing is −0).
     pub fn episode_return(&self) -> f64 {
-        self.rewards.iter().sum()
+        self.rewards.iter().fold(0.0, |sum, reward| sum + reward)
     }
 
     /// Adds the present state as the next row.
-    fn push_row(&mut self, environment: &Environment) {
-        let mut observation = Vec::new();
-        environment.observe(&mut observation);
-        self.observations.push(observation);
-        self.qpos.push(environment.physics().qpos().to_vec());
-        self.qvel.push(environment.physics().qvel().to_vec());
+    fn push_row(&mut self, eyes: &Eyes) {
+        let physics = eyes.environment().physics();
+        self.observations.push(eyes.observation().to_vec());
+        self.qpos.push(physics.qpos().to_vec());
+        self.qvel.push(physics.qvel().to_vec());
+    }
+}
+
+/// The seeds of an episode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EpisodeSeeds {
+    /// Of the start and of the policy's choices.
+    pub state: u64,
+    /// Of the distractors that the policy sees while it acts.
+    pub distractors: AxisSeeds,
+}
+
+impl From<u64> for EpisodeSeeds {
+    /// The same seed for everything.
+    fn from(seed: u64) -> Self {
+        Self { state: seed, distractors: seed.into() }
+    }
+}
+
+impl EpisodeSeeds {
+    /// The generators of the start and of the policy's choices, one each, so that two policies can be compared from the same start.
+    pub fn generators(self) -> [ChaCha8Rng; 2] {
+        let start = ChaCha8Rng::seed_from_u64(self.state);
+        let mut choices = start.clone();
+        choices.set_stream(1);
+        [start, choices]
     }
 }
 
@@ -52,12 +79,21 @@ fn as_recorded(action: Vec<f64>) -> Vec<f64> {
     action.into_iter().map(|number| f64::from(number as f32)).collect()
 }
 
-/// Rolls a policy through an episode of at most `steps` agent steps. The seed gives the start and the policy's choices, each from a generator of its own,
-/// so that two policies can be compared from the same start.
-pub fn rollout(environment: &mut Environment, policy: &mut Policy, steps: u32, seed: u64) -> Result<StateTrajectory> {
-    let start = environment.reset(&mut ChaCha8Rng::seed_from_u64(seed))?;
-    let mut choices = ChaCha8Rng::seed_from_u64(seed);
-    choices.set_stream(1);
+/// Rolls a policy through an episode of at most `steps` agent steps. A picture is drawn at every row where the policy chooses an action, and only
+/// for a policy that asks for pictures ([`Policy::pictures`]); `eyes` must draw them in that size and look.
+///
+/// # Errors
+/// When the policy has no action or asks for other pictures than `eyes` draws, or the simulation becomes unstable.
+pub fn rollout(eyes: &mut Eyes, policy: &mut dyn Policy, steps: u32, seeds: EpisodeSeeds) -> Result<StateTrajectory> {
+    let wanted = policy.pictures();
+    if wanted.is_some() && wanted != eyes.pictures() {
+        return Err(Error::Render {
+            fact: format!("pictures {:?} for a policy", eyes.pictures()),
+            expected: format!("it was trained on {wanted:?}"),
+        });
+    }
+    let [mut start, mut choices] = seeds.generators();
+    let start = eyes.reset(&mut start, seeds.distractors)?;
     policy.begin(&start)?;
     let mut trajectory = StateTrajectory {
         start,
@@ -67,12 +103,12 @@ pub fn rollout(environment: &mut Environment, policy: &mut Policy, steps: u32, s
         qpos: Vec::new(),
         qvel: Vec::new(),
     };
-    trajectory.push_row(environment);
+    trajectory.push_row(eyes);
     for _ in 0..steps {
-        let action = as_recorded(policy.act(environment, &mut choices)?);
-        trajectory.rewards.push(environment.step(&action)?);
+        let action = as_recorded(policy.act(&eyes.sight(wanted.is_some())?, &mut choices)?);
+        trajectory.rewards.push(eyes.step(&action)?);
         trajectory.actions.push(action);
-        trajectory.push_row(environment);
+        trajectory.push_row(eyes);
     }
     Ok(trajectory)
 }

@@ -25,8 +25,8 @@ pub use known_slide::known_reward;
 pub use sinusoid::Sinusoid;
 pub use tolerance::{Sigmoid, Tolerance};
 
-use crate::physics::{ModelOverrides, Physics};
-use crate::{Error, Result, Start};
+use crate::physics::{ModelOverrides, Physics, Start};
+use crate::{Error, Result};
 
 /// Control steps in an episode, of every task.
 pub const EPISODE_CONTROL_STEPS: u32 = 1000;

@@ -7,7 +7,7 @@ use std::collections::HashSet;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use vibes_env::{
-    Environment, EnvironmentOptions, KNOWN_SLIDE, Policy, PolicySpec, Snapshot, StateTrajectory, known_reward, rollout,
+    Environment, EnvironmentOptions, Eyes, KNOWN_SLIDE, Random, Snapshot, StateTrajectory, known_reward, rollout,
     task_names,
 };
 
@@ -22,9 +22,7 @@ fn environment(task: &str) -> Environment {
 }
 
 fn random_rollout(task: &str, steps: u32, seed: u64) -> StateTrajectory {
-    let options = EnvironmentOptions::default();
-    let mut policy = Policy::new(&PolicySpec::Random, task, options).unwrap();
-    rollout(&mut environment(task), &mut policy, steps, seed).unwrap()
+    rollout(&mut Eyes::blind(environment(task)).unwrap(), &mut Random, steps, seed.into()).unwrap()
 }
 
 #[test]
@@ -67,9 +65,8 @@ fn action_repeats_and_episode_lengths_are_those_of_the_distracting_control_suite
 fn numbers_are_finite_and_rewards_of_a_control_step_are_in_0_to_1() {
     for task in tasks() {
         let options = EnvironmentOptions { action_repeat: Some(1), raw_torques: false };
-        let mut environment = Environment::new(task, options).unwrap();
-        let mut policy = Policy::new(&PolicySpec::Random, task, options).unwrap();
-        let trajectory = rollout(&mut environment, &mut policy, 300, 3).unwrap();
+        let mut eyes = Eyes::blind(Environment::new(task, options).unwrap()).unwrap();
+        let trajectory = rollout(&mut eyes, &mut Random, 300, 3.into()).unwrap();
         assert!(trajectory.observations.iter().flatten().all(|number| number.is_finite()), "{task}");
         assert!(trajectory.rewards.iter().all(|reward| (0.0..=1.0).contains(reward)), "{task}");
     }
@@ -188,9 +185,8 @@ fn a_restored_simulation_goes_on_bit_for_bit() {
 fn a_row_holds_the_action_taken_there_and_the_reward_it_earned() {
     for action_repeat in [1, 2, 5] {
         let options = EnvironmentOptions { action_repeat: Some(action_repeat), raw_torques: false };
-        let mut environment = Environment::new(KNOWN_SLIDE, options).unwrap();
-        let mut policy = Policy::new(&PolicySpec::Random, KNOWN_SLIDE, options).unwrap();
-        let trajectory = rollout(&mut environment, &mut policy, 60, 4).unwrap();
+        let mut eyes = Eyes::blind(Environment::new(KNOWN_SLIDE, options).unwrap()).unwrap();
+        let trajectory = rollout(&mut eyes, &mut Random, 60, 4.into()).unwrap();
         for step in 0..trajectory.steps() {
             let reward = |row: usize, action: usize| {
                 let [position, velocity] = trajectory.observations[row][..] else { panic!("two numbers") };

@@ -167,6 +167,7 @@ fn record_some(task: &str, pictures: RenderSettings, threads: usize, path: &Path
         size: Some(pictures.size as u32),
         look: pictures.look,
         axis_seeds: ChosenSeeds::default(),
+        acting: Vec::new(),
         rotated: None,
     };
     let stop = AtomicBool::new(false);

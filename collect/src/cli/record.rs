@@ -11,6 +11,7 @@ use super::axis_seeds::AxisSeedArgs;
 use super::{Outcome, OutputArgs, show};
 use crate::plan::RecordOptions;
 use crate::recorder::{Progress, RecordRun, Source, record};
+use crate::trained::acted_by;
 use vibes_env::distractors::{Axes, Difficulty, DistractorSettings};
 use vibes_env::render::Look;
 use vibes_env::videos::{VideoSet, VideoSource};
@@ -30,7 +31,7 @@ pub(super) struct RecordArgs {
     /// Independent episodes, each with its own distractors [default: 10].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=999_999))]
     episodes: Option<u32>,
-    /// Behaviour: random, planner, planner:noise=SIGMA or actions:FILE.
+    /// Behaviour: random, planner, planner:noise=SIGMA, actions:FILE, or the folder of a trained run.
     #[arg(long, default_value = "random", conflicts_with = "mix")]
     policy: PolicySpec,
     /// Several behaviours with weights, as in random:0.3,planner:noise=0.3:0.4,planner:0.3.
@@ -133,6 +134,14 @@ impl RecordArgs {
             size: (!self.no_pixels).then_some(self.size),
             look: self.render,
             axis_seeds: self.axis_seeds.into(),
+            acting: mix
+                .shares()
+                .iter()
+                .filter_map(|(policy, _)| match policy {
+                    PolicySpec::Run { path } => Some(acted_by(path, &self.task)),
+                    _ => None,
+                })
+                .collect::<crate::Result<_>>()?,
             rotated: None,
         })
     }

@@ -8,9 +8,9 @@ use crate::error::{Error, Result};
 use vibes_env::distractors::background::{BackgroundReset, BackgroundWalk};
 use vibes_env::distractors::camera::{CameraBounds, CameraWalk};
 use vibes_env::distractors::color::ColorWalk;
-use vibes_env::distractors::{CameraRanges, ColorRanges};
+use vibes_env::distractors::{CameraRanges, ColorRanges, View};
 use vibes_env::render::{
-    CameraProbe, RenderSettings, Renderer, View, camera_start, material_colors, material_names, picture_difference,
+    CameraProbe, RenderSettings, Renderer, camera_start, material_colors, material_names, picture_difference,
 };
 use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 
@@ -85,6 +85,7 @@ impl DistractorTrace {
         let mut color = ColorWalk::reset(&material_colors(model), &color_ranges, &self.color_reset);
         let mut background = self.background();
         let mut probe = CameraProbe::new(&self.task, model)?;
+        let mut colors = Vec::new();
         let mut worst = TraceComparison { bounds: self.bounds_error(&bounds), ..TraceComparison::default() };
         for (index, step) in self.steps.iter().enumerate() {
             camera.advance(&step.camera_draws);
@@ -95,7 +96,8 @@ impl DistractorTrace {
                 probe.begin_episode(&step.qpos)?;
             }
             worst.add_camera(&camera, &mut probe, step)?;
-            raise(&mut worst.color, color.rgb().map(f64::from).zip(step.rgb.iter().copied()));
+            color.rgb(&mut colors);
+            raise(&mut worst.color, colors.iter().copied().map(f64::from).zip(step.rgb.iter().copied()));
             let shown = (background.frame().frame as usize, background.forwards());
             worst.wrong_frames += usize::from(shown != step.background);
             worst.steps += 1;

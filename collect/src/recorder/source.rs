@@ -8,9 +8,8 @@ use std::collections::BTreeMap;
 use vibes_data::{Episode, EpisodeEntry, EpisodeInfo, Recording, Video};
 
 use crate::plan::{PlannedEpisode, RecordOptions};
-use crate::stored::{distractors_of, info_of, is_intact, states_of};
+use crate::stored::{Acted, distractors_of, info_of, is_intact, states_of};
 use crate::{Error, Result};
-use vibes_env::StateTrajectory;
 use vibes_env::distractors::DistractorTrajectory;
 
 /// What is taken from another recording.
@@ -102,13 +101,17 @@ impl<'a> Stored<'a> {
     ///
     /// # Errors
     /// When a recording that is drawn again is damaged.
-    pub(super) fn states(&self, planned: PlannedEpisode) -> Result<Option<(StateTrajectory, EpisodeInfo)>> {
+    pub(super) fn states(&self, planned: PlannedEpisode) -> Result<Option<Acted>> {
         let Some(entry) = self.states.get(&planned.state) else { return Ok(None) };
         if matches!(self.source, Source::Simulation | Source::Grid(_)) && !is_intact(self.recording, entry) {
             return Ok(None);
         }
         let view = self.recording.episode(entry.index)?;
-        Ok(Some((states_of(self.recording.path(), entry, &view)?, info_of(entry))))
+        Ok(Some(Acted {
+            trajectory: states_of(self.recording.path(), entry, &view)?,
+            info: info_of(entry),
+            acting_distractor: view.acting_distractor(),
+        }))
     }
 
     /// The distractors of an episode whose size or look alone is new.

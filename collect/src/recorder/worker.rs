@@ -4,26 +4,30 @@ use std::sync::atomic::Ordering;
 
 use vibes_data::{Episode, EpisodeInfo};
 
-use super::{Row, Shared, environment_of};
-use crate::Result;
-use crate::plan::{PlannedEpisode, RecordOptions, state_seed};
-use crate::stored::rotate;
+use super::{Row, Shared};
+use crate::plan::{PlannedEpisode, acting_distractor, state_seed};
+use crate::stored::{Acted, rotate};
 use crate::studio::Studio;
-use vibes_env::{Environment, EnvironmentOptions, Policy, PolicySpec, StateTrajectory, rollout};
+use crate::{Result, trained};
+use vibes_env::render::RenderSettings;
+use vibes_env::{EpisodeSeeds, Eyes, Policy, PolicySpec, rollout};
 
 /// One thread's simulation, policies and render context.
 pub(super) struct Worker<'a> {
     shared: &'a Shared<'a>,
-    environment: Environment,
-    policies: Vec<(PolicySpec, Policy)>,
+    /// For policies that need no picture; also lends its model to the studio.
+    blind: Eyes,
+    /// For policies that see pictures, by what they see.
+    seeing: Vec<Eyes>,
+    policies: Vec<(PolicySpec, Box<dyn Policy>)>,
     studio: Studio<'a>,
 }
 
 impl<'a> Worker<'a> {
     pub(super) fn new(shared: &'a Shared<'a>) -> Result<Self> {
-        let environment = environment_of(shared.run.options)?;
-        let studio = Studio::new(&shared.studio, &environment)?;
-        Ok(Self { shared, environment, policies: Vec::new(), studio })
+        let blind = Eyes::blind(shared.run.options.environment()?)?;
+        let studio = Studio::new(&shared.studio, blind.environment())?;
+        Ok(Self { shared, blind, seeing: Vec::new(), policies: Vec::new(), studio })
     }
 
     pub(super) fn work(&mut self) -> Result<()> {
@@ -42,48 +46,76 @@ impl<'a> Worker<'a> {
     }
 
     fn make(&mut self, planned: PlannedEpisode, row: &Row) -> Result<Option<(Episode, EpisodeInfo)>> {
-        let states = row.0.get_or_init(|| self.states(planned).map_err(|error| self.shared.fail_on(Err(error))).ok());
-        let Some((states, info)) = states else { return Ok(None) };
+        let acted = row.0.get_or_init(|| self.states(planned).map_err(|error| self.shared.fail_on(Err(error))).ok());
+        let Some(acted) = acted else { return Ok(None) };
         let distractors = match self.shared.stored.distractors(planned)? {
             Some(stored) => stored,
             None => {
-                let repeat = self.environment.action_repeat();
-                self.shared.studio.distractor(planned.distractor, states.steps(), repeat)
+                let repeat = self.shared.run.options.action_repeat;
+                self.shared.studio.distractor(planned.distractor, acted.trajectory.steps(), repeat)
             }
         };
-        let episode = self.studio.draw_episode(planned, states, &distractors, &mut self.environment)?;
-        Ok(Some((episode, info.clone())))
+        let episode = self.studio.draw_episode(planned, acted, &distractors, self.blind.environment_mut())?;
+        Ok(Some((episode, acted.info.clone())))
     }
 
     /// A state trajectory, from where it is stored or simulated, and turned if asked for.
-    fn states(&mut self, planned: PlannedEpisode) -> Result<(StateTrajectory, EpisodeInfo)> {
-        let (mut states, mut info) = match self.shared.stored.states(planned)? {
+    fn states(&mut self, planned: PlannedEpisode) -> Result<Acted> {
+        let mut acted = match self.shared.stored.states(planned)? {
             Some(stored) => stored,
             None => self.simulate(planned.state)?,
         };
         if self.shared.run.turn != 0.0 {
-            rotate(&mut states, &mut self.environment, self.shared.run.turn)?;
-            info.model_overrides = serde_json::to_value(&states.start.model_overrides).unwrap_or_default();
+            rotate(&mut acted.trajectory, self.blind.environment_mut(), self.shared.run.turn)?;
+            acted.info.model_overrides =
+                serde_json::to_value(&acted.trajectory.start.model_overrides).unwrap_or_default();
         }
-        Ok((states, info))
+        Ok(acted)
     }
 
-    fn simulate(&mut self, state: u32) -> Result<(StateTrajectory, EpisodeInfo)> {
+    fn simulate(&mut self, state: u32) -> Result<Acted> {
         let run = self.shared.run;
         let spec = self.shared.mix.policy(state);
-        let known = self.policies.iter().position(|(made, _)| made == spec);
-        let place = match known {
-            Some(place) => place,
-            None => {
-                let RecordOptions { action_repeat, raw_torques, .. } = *run.options;
-                let options = EnvironmentOptions { action_repeat: Some(action_repeat), raw_torques };
-                self.policies.push((spec.clone(), Policy::new(spec, &run.options.task, options)?));
-                self.policies.len() - 1
+        let policy = self.policy(spec)?;
+        let distractor = acting_distractor(state);
+        let seed = state_seed(run.seed, state);
+        let seeds = EpisodeSeeds { state: seed, distractors: self.shared.studio.seeds(distractor) };
+        let pictures = self.policies[policy].1.pictures();
+        let eyes = match pictures {
+            None => &mut self.blind,
+            Some(pictures) => {
+                let place = self.eyes(pictures)?;
+                &mut self.seeing[place]
             }
         };
-        let seed = state_seed(run.seed, state);
-        let states = rollout(&mut self.environment, &mut self.policies[place].1, run.options.steps, seed)?;
-        let model_overrides = serde_json::to_value(&states.start.model_overrides).unwrap_or_default();
-        Ok((states, EpisodeInfo { policy: spec.to_string(), seed, model_overrides }))
+        let trajectory = rollout(eyes, self.policies[policy].1.as_mut(), run.options.steps, seeds)?;
+        let model_overrides = serde_json::to_value(&trajectory.start.model_overrides).unwrap_or_default();
+        let info = EpisodeInfo { policy: spec.to_string(), seed, model_overrides };
+        Ok(Acted { trajectory, info, acting_distractor: pictures.map(|_| distractor) })
+    }
+
+    /// The place of a policy among those at hand.
+    fn policy(&mut self, spec: &PolicySpec) -> Result<usize> {
+        if let Some(place) = self.policies.iter().position(|(made, _)| made == spec) {
+            return Ok(place);
+        }
+        let options = self.shared.run.options;
+        let policy = trained::policy(spec, &options.task, options.environment_options())?;
+        self.policies.push((spec.clone(), policy));
+        Ok(self.policies.len() - 1)
+    }
+
+    /// The place of the eyes that draw such pictures.
+    fn eyes(&mut self, pictures: RenderSettings) -> Result<usize> {
+        if let Some(place) = self.seeing.iter().position(|eyes| eyes.pictures() == Some(pictures)) {
+            return Ok(place);
+        }
+        let options = self.shared.run.options;
+        let recorded = self.shared.studio.videos();
+        let fits = options.distractors.axes.background && recorded.side() == pictures.look.sky_side(pictures.size);
+        let videos = if fits { recorded.clone() } else { options.videos_for(pictures)? };
+        let eyes = Eyes::new(options.environment()?, options.distractors, Some(pictures), videos)?;
+        self.seeing.push(eyes);
+        Ok(self.seeing.len() - 1)
     }
 }

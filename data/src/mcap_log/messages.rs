@@ -34,6 +34,8 @@ pub(super) struct Step {
     pub(super) qpos: Vec<f64>,
     #[prost(double, repeated, tag = "13")]
     pub(super) qvel: Vec<f64>,
+    #[prost(uint32, optional, tag = "14")]
+    pub(super) acting_distractor: Option<u32>,
 }
 
 /// One row's distractors, as parameters.
@@ -79,6 +81,7 @@ pub(super) fn file_descriptor_set() -> FileDescriptorSet {
         ("observation", Type::Float, Repeated),
         ("qpos", Type::Double, Repeated),
         ("qvel", Type::Double, Repeated),
+        ("acting_distractor", Type::Uint32, Optional),
     ];
     let distractor = [
         ("r", Type::Double, Plain),

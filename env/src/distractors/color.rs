@@ -39,9 +39,10 @@ impl ColorWalk {
         }
     }
 
-    /// `[materials, 3]`, as written into the model.
-    pub fn rgb(&self) -> impl Iterator<Item = f32> + '_ {
-        self.current.iter().map(|&channel| channel as f32)
+    /// Writes `[materials, 3]` into `colors`, as the model holds them.
+    pub fn rgb(&self, colors: &mut Vec<f32>) {
+        colors.clear();
+        colors.extend(self.current.iter().map(|&channel| channel as f32));
     }
 }
 

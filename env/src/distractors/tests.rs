@@ -2,6 +2,8 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use super::background::{BackgroundReset, BackgroundWalk};
+use super::camera::CameraBounds;
 use super::*;
 
 /// Start poses of the kinds the suite has: at the pole, seen from the side, and low behind.
@@ -13,8 +15,8 @@ fn starts() -> [CameraStart; 3] {
 const COLORS: [f32; 6] = [0.05, 0.5, 0.95, 0.0, 1.0, 0.3];
 const FRAMES: [usize; 4] = [12, 1, 60, 7];
 
-fn undistracted(camera: CameraStart) -> Undistracted<'static> {
-    Undistracted { camera, colors: &COLORS, video_frames: &FRAMES }
+fn undistracted(camera: CameraStart) -> Undistracted {
+    Undistracted { camera, colors: COLORS.to_vec(), video_frames: FRAMES.to_vec() }
 }
 
 fn every_settings() -> impl Iterator<Item = DistractorSettings> {

@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use rand::RngCore;
 use serde::Deserialize;
 
-use crate::{Environment, Error, Result};
+use super::{Policy, Sight};
+use crate::{Error, Result, Start};
 
 /// Rows of actions, and which is next.
 #[derive(Debug)]
@@ -24,7 +26,10 @@ enum File {
 
 impl Replay {
     /// Reads the rows of a file.
-    pub(super) fn read(path: &Path) -> Result<Self> {
+    ///
+    /// # Errors
+    /// When the file cannot be read or holds no rows of actions.
+    pub fn read(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
         let expected = "actions are a JSON list of rows of numbers, or an object with such a list as its actions";
         let file: File =
@@ -32,14 +37,18 @@ impl Replay {
         let (File::Rows(rows) | File::Trace { actions: rows }) = file;
         Ok(Self { path: path.to_owned(), rows, next: 0 })
     }
+}
 
+impl Policy for Replay {
     /// Back to the first row.
-    pub(super) fn begin(&mut self) {
+    fn begin(&mut self, _: &Start) -> Result<()> {
         self.next = 0;
+        Ok(())
     }
 
     /// The next row.
-    pub(super) fn act(&mut self, environment: &Environment) -> Result<Vec<f64>> {
+    fn act(&mut self, sight: &Sight<'_>, _: &mut dyn RngCore) -> Result<Vec<f64>> {
+        let environment = sight.environment;
         let Some(row) = self.rows.get(self.next) else {
             let fact = format!("there are {} rows of actions", self.rows.len());
             let expected = format!(

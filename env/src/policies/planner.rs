@@ -9,6 +9,7 @@
 
 use rand::{Rng, RngCore};
 
+use super::{Policy, Sight};
 use crate::gaussian::standard_normal;
 use crate::physics::Snapshot;
 use crate::{Environment, EnvironmentOptions, Result, Start};
@@ -95,37 +96,8 @@ impl Planner {
         }
     }
 
-    /// Forgets the last plans and takes over an episode's model.
-    pub fn begin(&mut self, start: &Start) -> Result<()> {
-        self.simulation.reset_to(start)?;
-        self.plans = vec![Plan { value: 0.0, actions: self.rest() }];
-        Ok(())
-    }
-
-    /// Plans from the environment's present state and returns the action to execute.
-    pub fn act(&mut self, environment: &Environment, rng: &mut impl RngCore) -> Vec<f64> {
-        environment.save(&mut self.now);
-        let last = std::mem::take(&mut self.plans);
-        for plan in last {
-            self.consider(shifted(plan.actions));
-        }
-        let fresh = (self.settings.fresh * self.settings.samples as f64) as usize;
-        for sample in self.plans.len()..self.settings.samples {
-            let actions = if sample <= fresh {
-                self.variation(&self.rest(), self.settings.widest, rng)
-            } else {
-                // The best plan is varied most often.
-                let rank = (self.plans.len() as f64 * rng.random::<f64>().powi(2)) as usize;
-                let width = self.settings.widest * FINEST.powf(rng.random::<f64>());
-                self.variation(&self.plans[rank].actions, width, rng)
-            };
-            self.consider(actions);
-        }
-        self.executed(rng)
-    }
-
     /// The best plan's first action, with the noise asked for.
-    fn executed(&self, rng: &mut impl RngCore) -> Vec<f64> {
+    fn executed(&self, rng: &mut dyn RngCore) -> Vec<f64> {
         let mut action = self.plans[0].actions[0].clone();
         if self.noise > 0.0 {
             for (number, half) in action.iter_mut().zip(&self.half) {
@@ -170,7 +142,7 @@ impl Planner {
     }
 
     /// Actions plus a smooth random change: normal numbers at the knots, straight lines between them.
-    fn variation(&self, actions: &Actions, width: f64, rng: &mut impl RngCore) -> Actions {
+    fn variation(&self, actions: &Actions, width: f64, rng: &mut dyn RngCore) -> Actions {
         let mut knot = |half: &f64| width * half * standard_normal(rng);
         let knots: Actions = (0..self.settings.knots).map(|_| self.half.iter().map(&mut knot).collect()).collect();
         let last = knots.len() - 1;
@@ -192,6 +164,37 @@ impl Planner {
         for ((number, middle), half) in action.iter_mut().zip(&self.middle).zip(&self.half) {
             *number = number.clamp(middle - half, middle + half);
         }
+    }
+}
+
+impl Policy for Planner {
+    /// Forgets the last plans and takes over an episode's model.
+    fn begin(&mut self, start: &Start) -> Result<()> {
+        self.simulation.reset_to(start)?;
+        self.plans = vec![Plan { value: 0.0, actions: self.rest() }];
+        Ok(())
+    }
+
+    /// Plans from the simulator's present state and returns the action to execute.
+    fn act(&mut self, sight: &Sight<'_>, rng: &mut dyn RngCore) -> Result<Vec<f64>> {
+        sight.environment.save(&mut self.now);
+        let last = std::mem::take(&mut self.plans);
+        for plan in last {
+            self.consider(shifted(plan.actions));
+        }
+        let fresh = (self.settings.fresh * self.settings.samples as f64) as usize;
+        for sample in self.plans.len()..self.settings.samples {
+            let actions = if sample <= fresh {
+                self.variation(&self.rest(), self.settings.widest, rng)
+            } else {
+                // The best plan is varied most often.
+                let rank = (self.plans.len() as f64 * rng.random::<f64>().powi(2)) as usize;
+                let width = self.settings.widest * FINEST.powf(rng.random::<f64>());
+                self.variation(&self.plans[rank].actions, width, rng)
+            };
+            self.consider(actions);
+        }
+        Ok(self.executed(rng))
     }
 }
 

@@ -7,11 +7,12 @@ use mujoco_rs::mujoco_c::mj_copyModel;
 use mujoco_rs::prelude::{MjData, MjModel, MjtCamLight, MjtObjBase, MjtRndFlag};
 use vibes_data::CameraPose;
 
-use super::{Look, RenderSettings, View, anchor};
+use super::{Look, RenderSettings, anchor};
 use crate::distractors::camera::{CameraStart, cartesian_to_spherical};
 use crate::distractors::view::CameraFrame;
-use crate::distractors::{ground_alpha, upper_quadrant};
+use crate::distractors::{Undistracted, View, ground_alpha, upper_quadrant};
 use crate::error::{Error, Result};
+use crate::videos::VideoLibrary;
 
 /// The sky's texture in every model of the suite.
 pub(super) const SKY: usize = 0;
@@ -229,6 +230,18 @@ pub fn camera_start(domain: &str, model: &MjModel) -> Result<CameraStart> {
     let relative = if is_tracking { std::array::from_fn(|i| position[i] - center[i]) } else { position };
     let [r, h, v] = cartesian_to_spherical(relative);
     Ok(CameraStart { pose: CameraPose { r, h, v, roll: 0.0 }, upper_quadrant: upper_quadrant(domain) })
+}
+
+/// What the distractors of a task start from: its model's camera and colours, and the videos' lengths.
+///
+/// # Errors
+/// When the model has no camera of the kinds the suite can move.
+pub fn undistracted(domain: &str, model: &MjModel, videos: &VideoLibrary) -> Result<Undistracted> {
+    Ok(Undistracted {
+        camera: camera_start(domain, model)?,
+        colors: material_colors(model),
+        video_frames: videos.frame_counts(),
+    })
 }
 
 /// The model's own material colours, `[materials, 3]`.

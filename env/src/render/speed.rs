@@ -9,8 +9,8 @@ use mujoco_rs::prelude::{MjData, MjModel};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{RenderSettings, Renderer, View, camera_start, material_colors};
-use crate::distractors::{AxisSeeds, DistractorSettings, DistractorTrajectory, Undistracted};
+use super::{RenderSettings, Renderer, undistracted};
+use crate::distractors::{AxisSeeds, DistractorSettings, DistractorTrajectory, View};
 use crate::error::{Error, Result};
 use crate::videos::VideoLibrary;
 
@@ -114,10 +114,7 @@ impl SpeedTrial<'_> {
             expected: "enough memory".to_owned(),
         };
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let colors = material_colors(self.model);
-        let frames = self.videos.frame_counts();
-        let undistracted =
-            Undistracted { camera: camera_start(self.domain, self.model)?, colors: &colors, video_frames: &frames };
+        let undistracted = undistracted(self.domain, self.model, self.videos)?;
         let mut data = MjData::try_new(self.model).map_err(|error| refused(&error))?;
         let mut renderer = Renderer::new(self.settings, self.domain, self.model)?;
         let mut picture = vec![0; renderer.picture_bytes()];

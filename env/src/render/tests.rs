@@ -1,7 +1,7 @@
 //! Laws over every task.
 
 use super::*;
-use crate::distractors::{Axes, AxisSeeds, Difficulty, DistractorSettings, DistractorTrajectory, Undistracted};
+use crate::distractors::{Axes, AxisSeeds, Difficulty, DistractorSettings, DistractorTrajectory};
 use crate::videos::{VideoSet, VideoSource};
 use crate::{Environment, EnvironmentOptions};
 
@@ -25,9 +25,7 @@ fn trajectory(task: &str, axes: Axes, videos: &VideoLibrary) -> DistractorTrajec
     let environment = environment(task);
     let model = environment.physics().model();
     let settings = DistractorSettings { axes, difficulty: Difficulty::Hard, dynamic: true };
-    let (colors, frames) = (material_colors(model), videos.frame_counts());
-    let undistracted =
-        Undistracted { camera: camera_start(task, model).unwrap(), colors: &colors, video_frames: &frames };
+    let undistracted = undistracted(task, model, videos).unwrap();
     DistractorTrajectory::generate(&settings, &undistracted, 3, 5, AxisSeeds::from(2))
 }
 

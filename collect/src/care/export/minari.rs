@@ -148,7 +148,7 @@ fn episode_metadata(place: usize, entry: &EpisodeEntry, episode: &Episode) -> Va
         "seed": entry.seed,
         "rewards_sum": sum, "rewards_mean": mean, "rewards_std": spread, "rewards_min": low, "rewards_max": high,
         HEADER: {
-            "index": entry.index, "cell": entry.cell, "policy": entry.policy, "model_overrides": entry.model_overrides,
+            "index": entry.index, "cell": entry.cell, "acting_distractor": episode.acting_distractor, "policy": entry.policy, "model_overrides": entry.model_overrides,
         },
     })
 }

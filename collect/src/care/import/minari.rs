@@ -51,6 +51,8 @@ struct Header {
 struct EpisodeHeader {
     index: u32,
     cell: Option<Cell>,
+    #[serde(default)]
+    acting_distractor: Option<u32>,
     policy: String,
     model_overrides: Value,
 }
@@ -209,7 +211,7 @@ impl Dataset {
         let seed = metadata.get("seed").and_then(Value::as_u64).unwrap_or(0);
         let mut info = EpisodeInfo { policy: policy.to_owned(), seed, ..EpisodeInfo::default() };
         if let Some(own) = own {
-            (episode.index, episode.cell) = (own.index, own.cell);
+            (episode.index, episode.cell, episode.acting_distractor) = (own.index, own.cell, own.acting_distractor);
             (info.policy, info.model_overrides) = (own.policy, own.model_overrides);
         }
         Ok((episode, info))

@@ -1,0 +1,89 @@
+//! What a plan asks of the world: its environment, its background videos, and the header of the recording that follows from both.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use vibes_data::{FORMAT, ImageSize, Manifest, Spec, Video};
+use vibes_env::render::{RenderSettings, material_names};
+use vibes_env::videos::VideoLibrary;
+use vibes_env::{Environment, EnvironmentOptions};
+
+use super::RecordOptions;
+use crate::Result;
+
+impl RecordOptions {
+    /// The environment's own options.
+    pub fn environment_options(&self) -> EnvironmentOptions {
+        EnvironmentOptions { action_repeat: Some(self.action_repeat), raw_torques: self.raw_torques }
+    }
+
+    /// The environment of the recording.
+    ///
+    /// # Errors
+    /// [`vibes_env::Error::UnknownTask`].
+    pub fn environment(&self) -> Result<Environment> {
+        Ok(Environment::new(&self.task, self.environment_options())?)
+    }
+
+    /// Size and look of the recorded pictures; none for a recording without pictures.
+    pub fn pictures(&self) -> Option<RenderSettings> {
+        self.size.map(|size| RenderSettings { size: size as usize, look: self.look })
+    }
+
+    /// The background videos, with frames for pictures of these settings; none where the background axis is off.
+    ///
+    /// # Errors
+    /// A folder that holds too few videos, a frame that cannot be decoded.
+    pub fn videos_for(&self, pictures: RenderSettings) -> Result<Arc<VideoLibrary>> {
+        if !self.distractors.axes.background {
+            return Ok(Arc::new(VideoLibrary::none()));
+        }
+        let count = self.video_count.or(self.distractors.difficulty.videos());
+        let names = self.videos.list(self.video_set, count)?;
+        let side = pictures.look.sky_side(pictures.size);
+        Ok(Arc::new(VideoLibrary::open(&self.videos, self.video_set, &names, side)?))
+    }
+
+    /// The background videos of the recording: none where nobody sees any, neither the recording nor whoever acts.
+    ///
+    /// # Errors
+    /// As [`Self::videos_for`].
+    pub fn video_library(&self) -> Result<Arc<VideoLibrary>> {
+        let seen = self.pictures().or(self.acting.iter().find_map(|acting| acting.pictures));
+        seen.map_or_else(|| Ok(Arc::new(VideoLibrary::none())), |pictures| self.videos_for(pictures))
+    }
+
+    /// The shape of the recording's episodes.
+    pub fn spec(&self, environment: &Environment) -> Spec {
+        let physics = environment.physics();
+        Spec {
+            task: self.task.clone(),
+            action: environment.action_spec(),
+            observation: environment.observation_spec(),
+            qpos: physics.qpos().len(),
+            qvel: physics.qvel().len(),
+            pixels: self.size.map(|side| ImageSize { height: side, width: side }),
+            materials: material_names(physics.model()),
+            control_timestep: environment.control_timestep(),
+            action_repeat: environment.action_repeat(),
+        }
+    }
+
+    /// The recording's manifest, still without episodes.
+    pub fn manifest(&self, seed: u64, environment: &Environment, videos: &[Video]) -> Manifest {
+        let versions = [("vibes", env!("CARGO_PKG_VERSION")), ("mujoco", "3.17.0"), ("dm_control models", "1.0.50")];
+        Manifest {
+            format: FORMAT.into(),
+            spec: self.spec(environment),
+            options: serde_json::to_value(self).unwrap_or_default(),
+            seed,
+            versions: versions
+                .map(|(name, version)| (name.into(), version.into()))
+                .into_iter()
+                .collect::<BTreeMap<_, _>>(),
+            grid: self.grid,
+            videos: videos.to_vec(),
+            episodes: Vec::new(),
+        }
+    }
+}
