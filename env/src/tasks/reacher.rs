@@ -8,7 +8,7 @@ use vibes_data::ObservationPart;
 use super::random_joints::randomize_joints;
 use super::{Actuation, Loaded, Task, Tolerance, part};
 use crate::Result;
-use crate::physics::{ModelOverrides, Physics, suite_xml};
+use crate::physics::{ModelOverrides, Physics, Start, suite_xml};
 
 const NAME: &str = "reacher-easy";
 /// One physics step of 20 ms is a control step.
