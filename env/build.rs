@@ -1,26 +1,12 @@
 //! Embeds the Control Suite's models into the package and puts the MuJoCo library where the built programs look for it.
 //!
 //! In: `third_party/made-by-make-setup/` (`libmujoco.so.3.17.0`, `suite/*.xml`, `suite/common/*.xml`), filled by `make setup`.
-//! Out: `OUT_DIR/models/` with the XML files that `physics/models.rs` includes, and `<target>/<profile>/lib/` with the library,
+//! Out: `OUT_DIR/models.rs`, the list of all the suite's models that `physics/models.rs` includes (a task names the one it wants), and `<target>/<profile>/lib/` with the library,
 //! found from binaries by the relative rpath `$ORIGIN/lib` and from tests by `$ORIGIN/../lib`. mujoco-rs itself is linked against the script
 //! `mujoco/libmujoco.so` beside this file, which names that library; so it builds before set-up, and what is missing is said here.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};
-
-/// The models the tasks are made from, and the files these include.
-const MODELS: [&str; 10] = [
-    "ball_in_cup.xml",
-    "cartpole.xml",
-    "cheetah.xml",
-    "finger.xml",
-    "reacher.xml",
-    "swimmer.xml",
-    "walker.xml",
-    "common/materials.xml",
-    "common/skybox.xml",
-    "common/visual.xml",
-];
 
 /// The library, named as its own SONAME says, since that is the name the loader looks for.
 const LIBRARY: &str = "libmujoco.so.3.17.0";
@@ -36,9 +22,7 @@ fn main() {
 fn prepare() -> Result<(), String> {
     let third_party = third_party()?;
     let out = PathBuf::from(env::var("OUT_DIR").map_err(|error| error.to_string())?);
-    for model in MODELS {
-        place(&third_party.join("suite").join(model), &out.join("models").join(model))?;
-    }
+    embed_models(&third_party.join("suite"), &out)?;
     let lib = profile_folder(&out)?.join("lib");
     place(&third_party.join(LIBRARY), &lib.join(LIBRARY))?;
     // Where the linker script in env/mujoco finds it; inside the target folder, so `cargo run` and `cargo test` also put it on the loader's
@@ -46,6 +30,40 @@ fn prepare() -> Result<(), String> {
     println!("cargo::rustc-link-search=native={}", lib.display());
     println!("cargo::rustc-link-arg=-Wl,-rpath,$ORIGIN/lib:$ORIGIN/../lib");
     Ok(())
+}
+
+/// Copies every model of the suite and writes the list of them: `&[("reacher.xml", include_str!("…")), …]`, sorted.
+fn embed_models(suite: &Path, out: &Path) -> Result<(), String> {
+    let mut names = Vec::new();
+    for folder in ["", "common/"] {
+        let listed = suite.join(folder);
+        println!("cargo::rerun-if-changed={}", listed.display());
+        let entries = fs::read_dir(&listed).map_err(|error| missing(&listed, &error))?;
+        let files = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+        names.extend(files.filter(|name| name.ends_with(".xml")).map(|name| format!("{folder}{name}")));
+    }
+    names.sort();
+    let mut list = String::from("&[\n");
+    for name in &names {
+        let copy = out.join("models").join(name);
+        place(&suite.join(name), &copy)?;
+        list += &format!("    ({name:?}, include_str!({:?})),\n", copy.display().to_string());
+    }
+    list += "]\n";
+    fs::write(out.join("models.rs"), list).map_err(|error| format!("cannot write ({error}): {}", out.display()))
+}
+
+/// What the user reads where set-up has not been run.
+fn missing(path: &Path, error: &io::Error) -> String {
+    match error.kind() {
+        io::ErrorKind::NotFound => {
+            format!(
+                "a piece of MuJoCo or the Control Suite is missing; run `make setup` to fetch it: {}",
+                path.display()
+            )
+        }
+        _ => format!("cannot read ({error}): {}", path.display()),
+    }
 }
 
 /// The folder `make setup` fills.
@@ -63,15 +81,7 @@ fn profile_folder(out: &Path) -> Result<PathBuf, String> {
 /// Copies a file by way of a temporary name, so that a build running beside this one never sees half of it.
 fn place(from: &Path, to: &Path) -> Result<(), String> {
     println!("cargo::rerun-if-changed={}", from.display());
-    let bytes = fs::read(from).map_err(|error| match error.kind() {
-        io::ErrorKind::NotFound => {
-            format!(
-                "a piece of MuJoCo or the Control Suite is missing; run `make setup` to fetch it: {}",
-                from.display()
-            )
-        }
-        _ => format!("cannot read ({error}): {}", from.display()),
-    })?;
+    let bytes = fs::read(from).map_err(|error| missing(from, &error))?;
     if fs::read(to).is_ok_and(|there| there == bytes) {
         return Ok(());
     }

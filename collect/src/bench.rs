@@ -105,7 +105,7 @@ fn physics_steps(environment: &Environment) -> usize {
 pub fn drawing_rate(task: &str, case: &DrawingCase, videos: &VideoLibrary) -> Result<DrawingRate> {
     let environment = Environment::new(task, EnvironmentOptions::default())?;
     let trial = SpeedTrial {
-        domain: task,
+        scenery: environment.scenery(),
         model: environment.physics().model(),
         settings: case.pictures,
         distractors: case.distracted.then(DistractorSettings::default),

@@ -23,7 +23,7 @@ pub fn draw_frames(
 ) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(Error::io("make the folder", folder))?;
     environment.reset_to(start)?;
-    let mut renderer = Renderer::new(settings, environment.name(), environment.physics().model())?;
+    let mut renderer = Renderer::new(settings, environment.scenery(), environment.physics().model())?;
     let mut picture = vec![0; renderer.picture_bytes()];
     for (row, qpos) in positions.iter().enumerate() {
         renderer.draw(qpos, &View::default(), &VideoLibrary::none(), &mut picture)?;

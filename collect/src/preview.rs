@@ -55,11 +55,11 @@ impl ContactSheet {
     /// # Errors
     /// For an unknown task, or a machine that cannot draw.
     pub fn draw(task: &str, options: &PreviewOptions, videos: &VideoLibrary) -> Result<Self> {
-        let (mut environment, states) = simulate(task, options.seed)?;
+        let (environment, states) = simulate(task, options.seed)?;
         let repeat = environment.action_repeat() as usize;
-        let model = environment.physics_mut().model();
-        let from = undistracted(task, model, videos)?;
-        let mut renderer = Renderer::new(options.pictures, task, model)?;
+        let (scenery, model) = (environment.scenery(), environment.physics().model());
+        let from = undistracted(scenery, model, videos)?;
+        let mut renderer = Renderer::new(options.pictures, scenery, model)?;
         renderer.begin_episode(&states[0])?;
         let mut sheet = Self::blank(options.pictures.size);
         let mut picture = vec![0; renderer.picture_bytes()];

@@ -40,7 +40,7 @@ impl StudioSettings {
             distractors: options.distractors,
             seed,
             axis_seeds: options.axis_seeds,
-            undistracted: undistracted(&options.task, environment.physics().model(), &videos)?,
+            undistracted: undistracted(environment.scenery(), environment.physics().model(), &videos)?,
             videos,
             pictures: options.pictures(),
         })
@@ -77,7 +77,7 @@ impl<'a> Studio<'a> {
     /// [`vibes_env::Error::NoEgl`] on a machine that cannot draw.
     pub fn new(settings: &'a StudioSettings, environment: &Environment) -> Result<Self> {
         let physics = environment.physics();
-        let open = |pictures| Renderer::new(pictures, environment.name(), physics.model());
+        let open = |pictures| Renderer::new(pictures, environment.scenery(), physics.model());
         Ok(Self { settings, renderer: settings.pictures.map(open).transpose()? })
     }
 

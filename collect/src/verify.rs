@@ -139,7 +139,7 @@ impl Again {
     fn new(options: RecordOptions, listed: Option<Vec<u32>>) -> Result<Self> {
         let environment = options.environment()?;
         let settings = options.pictures();
-        let open = |settings| Renderer::new(settings, environment.name(), environment.physics().model());
+        let open = |settings| Renderer::new(settings, environment.scenery(), environment.physics().model());
         Ok(Self { listed, renderer: settings.map(open).transpose()?, videos: options.video_library()?, environment })
     }
 

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 
 use vibes_collect::distractor_trace::{DistractorTrace, PictureComparison};
 use vibes_env::render::Look;
-use vibes_env::{Environment, EnvironmentOptions, Physics};
+use vibes_env::{Environment, EnvironmentOptions};
 
 fn golden(folder: &str) -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden")).join(folder)
@@ -26,17 +26,17 @@ fn traces() -> Vec<DistractorTrace> {
     paths.iter().map(|path| DistractorTrace::read(path).unwrap()).collect()
 }
 
-fn with_physics<T>(trace: &DistractorTrace, compare: impl FnOnce(&Physics) -> T) -> T {
+fn in_its_world<T>(trace: &DistractorTrace, compare: impl FnOnce(&Environment) -> T) -> T {
     let mut environment = Environment::new(&trace.task, EnvironmentOptions::default()).unwrap();
     let overrides = serde_json::from_value(trace.model_overrides.clone()).unwrap();
     environment.physics_mut().set_overrides(&overrides).unwrap();
-    compare(environment.physics())
+    compare(&environment)
 }
 
 #[test]
 fn camera_colours_and_background_agree_to_1e_9() {
     for trace in traces() {
-        let comparison = with_physics(&trace, |physics| trace.compare(physics.model())).unwrap();
+        let comparison = in_its_world(&trace, |environment| trace.compare(environment)).unwrap();
         println!("{}: {comparison:?}", trace.task);
         assert_eq!(comparison.steps, trace.steps.len());
         assert!(comparison.is_within(1e-9), "{}: {comparison:?}", trace.task);
@@ -50,7 +50,7 @@ fn a_changed_draw_is_noticed() {
         trace.steps[10].camera_draws.velocity[1] += 1e-3;
         trace.steps[10].color_draws[3] += 1e-3;
         trace.steps[20].background.0 += 1;
-        let comparison = with_physics(&trace, |physics| trace.compare(physics.model())).unwrap();
+        let comparison = in_its_world(&trace, |environment| trace.compare(environment)).unwrap();
         assert!(comparison.position > 1e-9 && comparison.color > 1e-9, "{comparison:?}");
         assert_eq!(comparison.wrong_frames, 1);
     }
@@ -58,7 +58,7 @@ fn a_changed_draw_is_noticed() {
 
 fn pictures(trace: &DistractorTrace, look: Look) -> Vec<PictureComparison> {
     let pictures =
-        with_physics(trace, |physics| trace.compare_pictures(physics.model(), &golden("videos"), look)).unwrap();
+        in_its_world(trace, |environment| trace.compare_pictures(environment, &golden("videos"), look)).unwrap();
     for PictureComparison { step, size, mean_absolute_error, psnr, .. } in &pictures {
         println!("{} {look} step {step} size {size}: {mean_absolute_error:.2} levels, {psnr:.1} dB", trace.task);
     }

@@ -12,7 +12,7 @@ use vibes_data::{Grid, Recording};
 use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::Look;
 use vibes_env::videos::{VideoSet, VideoSource};
-use vibes_env::{Eyes, task_names};
+use vibes_env::{Eyes, example_tasks};
 
 const GRID: Grid = Grid { states: 2, distractors: 2 };
 const SEED: u64 = 5;
@@ -53,9 +53,9 @@ fn recorded(options: &RecordOptions, folder: &std::path::Path) -> Recording {
 
 #[test]
 fn every_row_of_a_grid_is_what_eyes_see() {
-    for task in task_names().into_iter().map(|name| name.replace("swimmer-N", "swimmer-4")) {
+    for task in example_tasks() {
         let folder = tempfile::tempdir().unwrap();
-        let options = options(&task);
+        let options = options(task);
         let recording = recorded(&options, folder.path());
         let environment = options.environment().unwrap();
         let videos = options.video_library().unwrap();

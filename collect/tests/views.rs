@@ -10,10 +10,10 @@ use std::path::Path;
 
 use process::{assert_same_bytes, fails, files, works};
 use vibes_data::Recording;
-use vibes_env::task_names;
+use vibes_env::example_tasks;
 
 fn tasks() -> Vec<String> {
-    task_names().into_iter().map(|name| name.replace("swimmer-N", "swimmer-4")).collect()
+    example_tasks().into_iter().map(str::to_owned).collect()
 }
 
 fn open(folder: &Path, name: &str) -> Recording {

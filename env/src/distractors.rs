@@ -19,7 +19,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use vibes_data::{BackgroundFrame, CameraPose};
 
-pub use preset::{CameraRanges, ColorRanges, Difficulty, ground_alpha, upper_quadrant};
+pub use preset::{CameraRanges, ColorRanges, Difficulty};
 
 pub use walk::DistractorWalk;
 
@@ -128,6 +128,20 @@ impl AxisSeeds {
         };
         [stream(self.background, 1), stream(self.camera, 2), stream(self.color, 3)]
     }
+}
+
+/// What the distractors have to know of a task's scene. Source: `distracting_control/suite_utils.py` and `camera.py`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scenery {
+    /// The camera must stay above the ground and on its own side: everywhere but where the scene is seen from above.
+    pub upper_quadrant: bool,
+    /// Opacity of the ground (the material "grid") in front of a video, `0..=1`.
+    pub ground_alpha: f32,
+}
+
+impl Scenery {
+    /// As most tasks of the suite have it.
+    pub const DEFAULT: Self = Self { upper_quadrant: true, ground_alpha: 0.3 };
 }
 
 /// What the distractors start from: the task's own picture.

@@ -7,8 +7,9 @@ use rand::RngCore;
 use serde::{Deserialize, Serialize};
 use vibes_data::{ActionSpec, ObservationPart};
 
+use crate::distractors::Scenery;
 use crate::physics::{Physics, Snapshot, Start};
-use crate::tasks::{Actuation, EPISODE_CONTROL_STEPS, Loaded, Task, load};
+use crate::tasks::{Actuation, EPISODE_CONTROL_STEPS, Loaded, PlannerSettings, Task, load};
 use crate::{Error, Result};
 
 /// What a user may choose about an environment.
@@ -29,6 +30,8 @@ pub struct Environment {
     actuation: Actuation,
     physics_steps: usize,
     action_repeat: u32,
+    planner: PlannerSettings,
+    scenery: Scenery,
     control: Vec<f64>,
 }
 
@@ -37,10 +40,10 @@ impl Environment {
     pub fn new(task: &str, options: EnvironmentOptions) -> Result<Self> {
         let loaded = load(task)?;
         let actuation = if options.raw_torques { Actuation::Direct } else { loaded.actuation };
-        let Loaded { name, physics, task, physics_steps, action_repeat, .. } = loaded;
+        let Loaded { name, physics, task, physics_steps, action_repeat, planner, scenery, .. } = loaded;
         let action_repeat = options.action_repeat.unwrap_or(action_repeat).max(1);
         let control = vec![0.0; physics.control().len()];
-        Ok(Self { name, physics, task, actuation, physics_steps, action_repeat, control })
+        Ok(Self { name, physics, task, actuation, physics_steps, action_repeat, planner, scenery, control })
     }
 
     /// The task's registered name.
@@ -88,6 +91,16 @@ impl Environment {
     /// Control steps an action is held.
     pub fn action_repeat(&self) -> u32 {
         self.action_repeat
+    }
+
+    /// How the planner looks ahead on this task.
+    pub fn planner_settings(&self) -> PlannerSettings {
+        self.planner
+    }
+
+    /// What the distractors have to know of the task's scene.
+    pub fn scenery(&self) -> Scenery {
+        self.scenery
     }
 
     /// Agent steps of a whole episode: 1000 control steps, the last agent step included even when the repeat does not divide them.

@@ -67,8 +67,8 @@ impl Eyes {
         videos: Arc<VideoLibrary>,
     ) -> Result<Self> {
         let model = environment.physics().model();
-        let undistracted = undistracted(environment.name(), model, &videos)?;
-        let renderer = pictures.map(|pictures| Renderer::new(pictures, environment.name(), model)).transpose()?;
+        let undistracted = undistracted(environment.scenery(), model, &videos)?;
+        let renderer = pictures.map(|pictures| Renderer::new(pictures, environment.scenery(), model)).transpose()?;
         let walk = DistractorWalk::reset(&distractors, &undistracted, AxisSeeds::from(0));
         let picture = vec![0; renderer.as_ref().map_or(0, Renderer::picture_bytes)];
         let observation = Default::default();

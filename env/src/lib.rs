@@ -21,6 +21,9 @@ pub use error::{Error, Result};
 pub use eyes::Eyes;
 pub use gaussian::standard_normal;
 pub use physics::{ModelOverrides, Physics, Snapshot, Start};
-pub use policies::{Planner, PlannerSettings, Policy, PolicyMix, PolicySpec, Random, Replay, Sight};
+pub use policies::{Planner, Policy, PolicyMix, PolicySpec, Random, Replay, Sight};
 pub use rollout::{EpisodeSeeds, StateTrajectory, rollout};
-pub use tasks::{EPISODE_CONTROL_STEPS, KNOWN_SLIDE, Sigmoid, Sinusoid, Task, Tolerance, known_reward, task_names};
+pub use tasks::{
+    EPISODE_CONTROL_STEPS, KNOWN_SLIDE, PlannerSettings, Sigmoid, Sinusoid, Task, Tolerance, example_tasks,
+    known_reward, large_example_tasks, task_help, task_names,
+};

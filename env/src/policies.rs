@@ -20,7 +20,7 @@ use crate::{Environment, EnvironmentOptions, Error, Result, Start};
 
 pub use actions::Replay;
 pub use mix::PolicyMix;
-pub use planner::{Planner, PlannerSettings};
+pub use planner::Planner;
 pub use random::Random;
 
 /// What a policy may look at when it chooses an action.

@@ -24,8 +24,8 @@ pub use difference::picture_difference;
 pub use scene::{CameraProbe, camera_start, material_colors, material_names, undistracted};
 pub use speed::{Speed, SpeedTrial, StageTimes};
 
-use crate::distractors::View;
 use crate::distractors::view::{Anchor, CameraFrame};
+use crate::distractors::{Scenery, View};
 use crate::error::{Error, Result};
 use crate::videos::{LEVELS, SUITE_SIDE, VideoLibrary};
 use egl::EglContext;
@@ -129,17 +129,17 @@ pub fn check_drawing() -> Result<()> {
 }
 
 impl Renderer {
-    /// Opens a context on this thread. `domain` is the task's name or domain; `model` is copied, with its overrides.
+    /// Opens a context on this thread, for a task's scenery; `model` is copied, with its overrides.
     ///
     /// # Errors
     /// [`Error::NoEgl`] on a machine that cannot draw; [`Error::Render`] for an impossible size or a model the suite has no camera for.
     #[allow(unsafe_code, reason = "MuJoCo's context has to be made and dropped while an OpenGL context is current")]
-    pub fn new(settings: RenderSettings, domain: &str, model: &MjModel) -> Result<Self> {
+    pub fn new(settings: RenderSettings, scenery: Scenery, model: &MjModel) -> Result<Self> {
         if !(1..=MAX_SIZE).contains(&settings.size) {
             let expected = format!("a size is 1 to {MAX_SIZE}");
             return Err(Error::Render { fact: format!("pictures of {} pixels", settings.size), expected });
         }
-        let stage = Stage::new(model, &settings, domain)?;
+        let stage = Stage::new(model, &settings, scenery)?;
         let gl = EglContext::new()?;
         // SAFETY: the context made above is current; `Drop` makes it so again before this is dropped.
         let mut context = unsafe { MjrContext::new(stage.data.model()) };

@@ -1,14 +1,16 @@
 //! The registry of tasks, and what a task is: which model, how an episode starts, what is observed, what is rewarded.
 //!
 //! In: a name as in `reacher-easy`. Out: a [`Loaded`] task, which [`crate::Environment`] turns into a simulation with a clock.
-//! One file a task, all of the same shape; a new task is a sibling file and a line in [`TASKS`]. Numbers and order of the observations follow
-//! `dm_control` 1.0.50 (`dm_control/suite/*.py`).
+//! One file a task, all of the same shape; a new task is a sibling file and a line in [`TASKS`]. What else depends on the task (its model, how its actions
+//! are meant, how the planner looks ahead, where the camera may go, how opaque the ground is) its file says too. Numbers and order of the observations
+//! follow `dm_control` 1.0.50 (`dm_control/suite/*.py`).
 
 mod ball_in_cup;
 mod cartpole;
 mod cheetah;
 mod finger;
 mod known_slide;
+mod planning;
 mod random_joints;
 mod reacher;
 mod sinusoid;
@@ -21,10 +23,12 @@ use std::fmt::Debug;
 use rand::RngCore;
 use vibes_data::ObservationPart;
 
-pub use known_slide::known_reward;
+pub use known_slide::{KNOWN_SLIDE, known_reward};
+pub use planning::PlannerSettings;
 pub use sinusoid::Sinusoid;
 pub use tolerance::{Sigmoid, Tolerance};
 
+use crate::distractors::Scenery;
 use crate::physics::{ModelOverrides, Physics, Start};
 use crate::{Error, Result};
 
@@ -82,50 +86,58 @@ pub(crate) struct Loaded {
     pub physics_steps: usize,
     /// Control steps an action is held for, unless asked otherwise.
     pub action_repeat: u32,
+    /// How the planner looks ahead.
+    pub planner: PlannerSettings,
+    /// What the distractors have to know.
+    pub scenery: Scenery,
 }
 
-type Loader = fn() -> Result<Loaded>;
+/// A task in the registry: its own file says all there is to say of it.
+#[derive(Clone, Copy, Debug)]
+struct Registered {
+    /// As in listings: the name, or a pattern such as `swimmer-N`.
+    name: &'static str,
+    /// What stands beside a pattern in listings; empty for a name.
+    note: &'static str,
+    /// Names to try the task with, from a small one for its laws to a large one for its rate card.
+    examples: &'static [&'static str],
+    /// Loads the task if the name is one of its own.
+    load: fn(&str) -> Option<Result<Loaded>>,
+}
 
-/// The registered tasks, apart from the swimmers, of which there is one for every number of links.
-const TASKS: [(&str, Loader); 6] = [
-    ("ball_in_cup-catch", ball_in_cup::load),
-    ("cartpole-swingup", cartpole::load),
-    ("cheetah-run", cheetah::load),
-    ("finger-spin", finger::load),
-    ("reacher-easy", reacher::load),
-    ("walker-walk", walker::load),
-];
-
-/// A task for tests of the alignment of `o_t`, `a_t`, `r_t`: its reward is a formula in state and action. Not in the listing, since it is not
-/// for research.
-pub const KNOWN_SLIDE: &str = "known-slide";
+/// The registered tasks.
+const TASKS: [Registered; 7] =
+    [ball_in_cup::TASK, cartpole::TASK, cheetah::TASK, finger::TASK, reacher::TASK, walker::TASK, swimmer::TASK];
 
 /// The names of the tasks, for listings; `swimmer-N` stands for every number of links from 3 on.
 pub fn task_names() -> Vec<&'static str> {
-    TASKS.iter().map(|(name, _)| *name).chain(["swimmer-N"]).collect()
+    TASKS.iter().map(|task| task.name).collect()
+}
+
+/// The names of the tasks and what a pattern among them stands for, as one line of help.
+pub fn task_help() -> String {
+    let named = |task: &Registered| match task.note {
+        "" => task.name.to_owned(),
+        note => format!("{} ({note})", task.name),
+    };
+    TASKS.iter().map(named).collect::<Vec<_>>().join(", ")
+}
+
+/// A name of every task that can be loaded as it stands: a small one where a pattern has many.
+pub fn example_tasks() -> Vec<&'static str> {
+    TASKS.iter().filter_map(|task| task.examples.first().copied()).collect()
+}
+
+/// The same with a large one where a pattern has many: for rate cards.
+pub fn large_example_tasks() -> Vec<&'static str> {
+    TASKS.iter().filter_map(|task| task.examples.last().copied()).collect()
 }
 
 /// Loads the task of that name.
 pub(crate) fn load(name: &str) -> Result<Loaded> {
-    if let Some((_, loader)) = TASKS.iter().find(|(known, _)| *known == name) {
-        return loader();
-    }
-    if name == KNOWN_SLIDE {
-        return known_slide::load();
-    }
-    let links = name.strip_prefix("swimmer-").map(|rest| rest.strip_prefix("swimmer").unwrap_or(rest));
-    match links.map(str::parse) {
-        Some(Ok(links)) if swimmer::LINKS.contains(&links) => swimmer::load(links),
-        _ => Err(Error::UnknownTask {
-            name: name.to_owned(),
-            known: format!(
-                "{} (N is the number of links, {} to {})",
-                task_names().join(", "),
-                swimmer::LINKS.start(),
-                swimmer::LINKS.end()
-            ),
-        }),
-    }
+    let known = TASKS.iter().chain([&known_slide::TASK]);
+    let mut loaded = known.filter_map(|task| (task.load)(name));
+    loaded.next().unwrap_or_else(|| Err(Error::UnknownTask { name: name.to_owned(), known: task_help() }))
 }
 
 /// A part of an observation.

@@ -10,7 +10,7 @@ use vibes_env::distractors::{AxisSeeds, DistractorSettings, DistractorTrajectory
 use vibes_env::render::{Look, RenderSettings, Renderer, undistracted};
 use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 use vibes_env::{
-    Environment, EnvironmentOptions, EpisodeSeeds, Eyes, Policy, Random, Result, Sight, Start, rollout, task_names,
+    Environment, EnvironmentOptions, EpisodeSeeds, Eyes, Policy, Random, Result, Sight, Start, example_tasks, rollout,
 };
 
 const PICTURES: RenderSettings = RenderSettings { size: 32, look: Look::Fast };
@@ -20,10 +20,6 @@ fn videos() -> Arc<VideoLibrary> {
     let source = VideoSource::Procedural;
     let names = source.list(VideoSet::Train, Some(2)).unwrap();
     Arc::new(VideoLibrary::open(&source, VideoSet::Train, &names, PICTURES.look.sky_side(PICTURES.size)).unwrap())
-}
-
-fn tasks() -> impl Iterator<Item = String> {
-    task_names().into_iter().map(|name| name.replace("swimmer-N", "swimmer-5"))
 }
 
 fn eyes(task: &str, pictures: Option<RenderSettings>) -> Eyes {
@@ -56,22 +52,22 @@ impl Policy for Witness {
 #[test]
 fn pictures_step_by_step_are_those_drawn_afterwards_from_stored_states() {
     let videos = videos();
-    for task in tasks() {
-        let mut eyes = eyes(&task, Some(PICTURES));
+    for task in example_tasks() {
+        let mut eyes = eyes(task, Some(PICTURES));
         let seeds = EpisodeSeeds { state: 3, distractors: AxisSeeds { background: 4, camera: 5, color: 6 } };
         // A second episode, so that nothing of the first one is left.
         let mut witness = Witness::default();
         rollout(&mut eyes, &mut witness, 2, 9.into()).unwrap();
         let states = rollout(&mut eyes, &mut witness, STEPS, seeds).unwrap();
 
-        let mut environment = Environment::new(&task, EnvironmentOptions::default()).unwrap();
+        let mut environment = Environment::new(task, EnvironmentOptions::default()).unwrap();
         environment.reset_to(&states.start).unwrap();
         let model = environment.physics().model();
-        let from = undistracted(&task, model, &videos).unwrap();
+        let from = undistracted(environment.scenery(), model, &videos).unwrap();
         let repeat = environment.action_repeat() as usize;
         let settings = DistractorSettings::default();
         let stored = DistractorTrajectory::generate(&settings, &from, STEPS as usize, repeat, seeds.distractors);
-        let mut renderer = Renderer::new(PICTURES, &task, model).unwrap();
+        let mut renderer = Renderer::new(PICTURES, environment.scenery(), model).unwrap();
         renderer.begin_episode(&states.qpos[0]).unwrap();
         let mut picture = vec![0; renderer.picture_bytes()];
         assert_eq!(witness.seen.len(), STEPS as usize);
@@ -85,11 +81,11 @@ fn pictures_step_by_step_are_those_drawn_afterwards_from_stored_states() {
 
 #[test]
 fn looking_or_not_changes_nothing_but_what_is_drawn() {
-    for task in tasks() {
+    for task in example_tasks() {
         let seeds = AxisSeeds::from(8);
-        let actions = rollout(&mut eyes(&task, None), &mut Random, STEPS, 8.into()).unwrap().actions;
+        let actions = rollout(&mut eyes(task, None), &mut Random, STEPS, 8.into()).unwrap().actions;
         let play = |look_at: &dyn Fn(usize) -> bool| {
-            let mut eyes = eyes(&task, Some(PICTURES));
+            let mut eyes = eyes(task, Some(PICTURES));
             eyes.reset(&mut ChaCha8Rng::seed_from_u64(8), seeds).unwrap();
             for (step, action) in actions.iter().enumerate() {
                 if look_at(step) {

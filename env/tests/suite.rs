@@ -7,14 +7,13 @@ use std::collections::HashSet;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use vibes_env::{
-    Environment, EnvironmentOptions, Eyes, KNOWN_SLIDE, Random, Snapshot, StateTrajectory, known_reward, rollout,
-    task_names,
+    Environment, EnvironmentOptions, Eyes, KNOWN_SLIDE, Planner, PlannerSettings, Random, Snapshot, StateTrajectory,
+    example_tasks, known_reward, rollout, task_help, task_names,
 };
 
-/// Every task, a short swimmer for `swimmer-N`, and the one that is for tests.
+/// Every task, and the one that is for tests.
 fn tasks() -> Vec<&'static str> {
-    let listed = task_names().into_iter().map(|name| if name == "swimmer-N" { "swimmer-5" } else { name });
-    listed.chain([KNOWN_SLIDE]).collect()
+    example_tasks().into_iter().chain([KNOWN_SLIDE]).collect()
 }
 
 fn environment(task: &str) -> Environment {
@@ -40,6 +39,42 @@ fn specs_are_sensible_and_observations_fit_them() {
         let len: usize = parts.iter().map(|part| part.len).sum();
         let trajectory = random_rollout(task, 3, 0);
         assert!(trajectory.observations.iter().all(|observation| observation.len() == len), "{task}: {len} numbers");
+    }
+}
+
+/// What the registry asks of a task's file, so that nothing else has to be told of a new task.
+#[test]
+fn a_task_says_everything_itself() {
+    let names = task_names();
+    assert_eq!(names.iter().collect::<HashSet<_>>().len(), names.len(), "two tasks of one name");
+    assert!(names.iter().all(|name| task_help().contains(name)), "{}", task_help());
+    assert!(!names.contains(&KNOWN_SLIDE), "the task for tests is not listed");
+    for task in tasks() {
+        let environment = environment(task);
+        assert_eq!(environment.name(), task, "a task is loaded under the name it was asked for");
+        let PlannerSettings { horizon, knots, samples, kept, fresh, widest } = environment.planner_settings();
+        assert!(
+            horizon >= 2 && knots >= 2 && kept >= 1 && samples > kept,
+            "{task}: {:?}",
+            environment.planner_settings()
+        );
+        assert!((0.0..1.0).contains(&fresh) && widest > 0.0, "{task}");
+        assert!((0.0..=1.0).contains(&environment.scenery().ground_alpha), "{task}");
+    }
+}
+
+/// With its task's own settings the planner acts, and keeps to the bounds.
+#[test]
+fn the_planner_acts_on_every_task() {
+    for task in tasks() {
+        let options = EnvironmentOptions::default();
+        let mut planner = Planner::new(task, options, 0.0).unwrap();
+        let trajectory = rollout(&mut Eyes::blind(environment(task)).unwrap(), &mut planner, 2, 1.into()).unwrap();
+        let bounds = environment(task).action_spec();
+        for action in &trajectory.actions {
+            let mut inside = action.iter().zip(bounds.min.iter().zip(&bounds.max));
+            assert!(inside.all(|(number, (low, high))| (low..=high).contains(&number)), "{task}: {action:?}");
+        }
     }
 }
 

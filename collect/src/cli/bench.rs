@@ -39,7 +39,7 @@ pub(super) struct BenchArgs {
 
 #[allow(clippy::print_stdout, reason = "the command line's result")]
 pub(super) fn run(args: &BenchArgs, output: OutputArgs) -> Result<Outcome> {
-    let all = || vibes_env::task_names().into_iter().map(|name| name.replace("swimmer-N", "swimmer-100")).collect();
+    let all = || vibes_env::large_example_tasks().into_iter().map(str::to_owned).collect();
     let tasks: Vec<String> = if args.task.is_empty() { all() } else { args.task.clone() };
     let is_table = !output.json && !output.quiet;
     let mut physics = Vec::new();

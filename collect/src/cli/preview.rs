@@ -13,7 +13,7 @@ use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 
 #[derive(Debug, Args)]
 pub(super) struct PreviewArgs {
-    /// Tasks, as in reacher-easy,walker-walk [default: all, with swimmer-6].
+    /// Tasks, as in reacher-easy,walker-walk [default: all, with swimmer-5].
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     task: Vec<String>,
     /// Difficulties [default: all].
@@ -44,7 +44,7 @@ pub(super) struct PreviewArgs {
 
 #[allow(clippy::print_stdout, reason = "the command line's result")]
 pub(super) fn run(args: &PreviewArgs, output: OutputArgs) -> Result<Outcome> {
-    let all = || vibes_env::task_names().into_iter().map(|name| name.replace("swimmer-N", "swimmer-6")).collect();
+    let all = || vibes_env::example_tasks().into_iter().map(str::to_owned).collect();
     let tasks: Vec<String> = if args.task.is_empty() { all() } else { args.task.clone() };
     let difficulties = if args.difficulty.is_empty() { Difficulty::ALL.to_vec() } else { args.difficulty.clone() };
     let pictures = RenderSettings { size: usize::from(args.size), look: args.render };

@@ -22,8 +22,7 @@ const DEFAULT_EPISODES: u32 = 10;
 
 #[derive(Debug, Args)]
 pub(super) struct RecordArgs {
-    /// Task: ball_in_cup-catch, cartpole-swingup, cheetah-run, finger-spin, reacher-easy, walker-walk, swimmer-N.
-    #[arg(long, default_value = "reacher-easy")]
+    #[arg(long, default_value = "reacher-easy", help = format!("Task: {}", vibes_env::task_help()))]
     task: String,
     /// State trajectories × distractor trajectories, as in 10x10.
     #[arg(long, value_parser = parse_grid, conflicts_with = "episodes")]

@@ -31,9 +31,9 @@ pub(super) fn run(path: &Path, tolerance: f64, pictures: Option<Pictures<'_>>, o
         Error::malformed(path, format!("model overrides: {error}"), "overrides name fields, objects and numbers")
     })?;
     environment.physics_mut().set_overrides(&overrides)?;
-    let model = environment.physics().model();
-    let comparison = trace.compare(model)?;
-    let drawn = pictures.map(|pictures| trace.compare_pictures(model, pictures.videos, pictures.look)).transpose()?;
+    let comparison = trace.compare(&environment)?;
+    let draw = |pictures: Pictures<'_>| trace.compare_pictures(&environment, pictures.videos, pictures.look);
+    let drawn = pictures.map(draw).transpose()?;
     let drawn = drawn.unwrap_or_default();
     if output.json {
         let errors: serde_json::Map<_, _> =

@@ -5,6 +5,7 @@ use vibes_data::BackgroundFrame;
 
 use super::{DistractorTrace, TraceStep};
 use crate::error::{Error, Result};
+use vibes_env::Environment;
 use vibes_env::distractors::background::{BackgroundReset, BackgroundWalk};
 use vibes_env::distractors::camera::{CameraBounds, CameraWalk};
 use vibes_env::distractors::color::ColorWalk;
@@ -71,20 +72,21 @@ pub struct PictureComparison {
 }
 
 impl DistractorTrace {
-    /// Feeds the recorded positions and draws through our distractors. `model` is the task's, with the trace's overrides applied.
+    /// Feeds the recorded positions and draws through our distractors. `environment` is the task's, with the trace's overrides applied.
     ///
     /// # Errors
     /// When the model is not the trace's.
-    pub fn compare(&self, model: &MjModel) -> Result<TraceComparison> {
+    pub fn compare(&self, environment: &Environment) -> Result<TraceComparison> {
+        let (scenery, model) = (environment.scenery(), environment.physics().model());
         self.check_materials(model)?;
-        let start = camera_start(&self.task, model)?;
+        let start = camera_start(scenery, model)?;
         let ranges = CameraRanges::new(self.difficulty, self.dynamic);
         let bounds = CameraBounds::new(&start, &ranges);
         let mut camera = CameraWalk::reset(bounds, ranges, &self.camera_reset);
         let color_ranges = ColorRanges::new(self.difficulty, self.dynamic);
         let mut color = ColorWalk::reset(&material_colors(model), &color_ranges, &self.color_reset);
         let mut background = self.background();
-        let mut probe = CameraProbe::new(&self.task, model)?;
+        let mut probe = CameraProbe::new(scenery, model)?;
         let mut colors = Vec::new();
         let mut worst = TraceComparison { bounds: self.bounds_error(&bounds), ..TraceComparison::default() };
         for (index, step) in self.steps.iter().enumerate() {
@@ -134,7 +136,7 @@ impl DistractorTrace {
     /// When there is no EGL, or a video or picture is missing or of another size.
     pub fn compare_pictures(
         &self,
-        model: &MjModel,
+        environment: &Environment,
         videos: &std::path::Path,
         look: vibes_env::render::Look,
     ) -> Result<Vec<PictureComparison>> {
@@ -145,7 +147,8 @@ impl DistractorTrace {
         for size in sizes {
             let names = [self.video.clone()];
             let library = VideoLibrary::open(&source, VideoSet::Train, &names, look.sky_side(size))?;
-            let mut renderer = Renderer::new(RenderSettings { size, look }, &self.task, model)?;
+            let mut renderer =
+                Renderer::new(RenderSettings { size, look }, environment.scenery(), environment.physics().model())?;
             for (index, step) in self.steps.iter().enumerate() {
                 if index == 0 {
                     renderer.begin_episode(&step.qpos)?;

@@ -1,7 +1,6 @@
 //! How strong the distractors are: the suite's difficulty levels as the numbers each axis uses.
 //!
-//! In: a [`Difficulty`], dynamic or static, and the task's domain. Out: [`CameraRanges`], [`ColorRanges`], a number of videos and
-//! the transparency of the ground. Source: `distracting_control/suite_utils.py`. Angles in radians, lengths as fractions of the camera's
+//! In: a [`Difficulty`], dynamic or static. Out: [`CameraRanges`], [`ColorRanges`] and a number of videos. Source: `distracting_control/suite_utils.py`. Angles in radians, lengths as fractions of the camera's
 //! start radius, speeds per control step.
 
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -126,18 +125,4 @@ impl ColorRanges {
         let scale = difficulty.scale();
         Self { max_delta: scale as f32, step_std: if dynamic { 0.03 * scale } else { 0.0 } }
     }
-}
-
-/// Opacity of the ground (the material "grid") in front of a video, for a task or domain name.
-pub fn ground_alpha(domain: &str) -> f32 {
-    match domain.split('-').next() {
-        Some("reacher") => 0.0,
-        Some("walker" | "cheetah") => 1.0,
-        _ => 0.3,
-    }
-}
-
-/// Whether the camera must stay above the ground and on its own side: everywhere but in reacher, which is seen from above.
-pub fn upper_quadrant(domain: &str) -> bool {
-    !domain.contains("reacher")
 }

@@ -5,25 +5,8 @@ use mujoco_rs::wrappers::mj_auxiliary::MjVfs;
 
 use crate::{Error, Result};
 
-macro_rules! embedded {
-    ($($name:literal),* $(,)?) => {
-        &[$(($name, include_str!(concat!(env!("OUT_DIR"), "/models/", $name)))),*]
-    };
-}
-
-/// Every embedded file by its path in the suite.
-const FILES: &[(&str, &str)] = embedded![
-    "ball_in_cup.xml",
-    "cartpole.xml",
-    "cheetah.xml",
-    "finger.xml",
-    "reacher.xml",
-    "swimmer.xml",
-    "walker.xml",
-    "common/materials.xml",
-    "common/skybox.xml",
-    "common/visual.xml",
-];
+/// Every model of the suite by its path there, as in `reacher.xml` and `common/skybox.xml`; listed by the build script.
+const FILES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/models.rs"));
 
 /// The text of one of the suite's models, as in `reacher.xml`.
 pub(crate) fn suite_xml(name: &str) -> Result<&'static str> {

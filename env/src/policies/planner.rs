@@ -12,41 +12,8 @@ use rand::{Rng, RngCore};
 use super::{Policy, Sight};
 use crate::gaussian::standard_normal;
 use crate::physics::Snapshot;
+use crate::tasks::PlannerSettings;
 use crate::{Environment, EnvironmentOptions, Result, Start};
-
-/// How far and how hard the planner looks.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlannerSettings {
-    /// Agent steps a plan covers.
-    pub horizon: usize,
-    /// Knots of a variation, evenly spaced over the horizon; at least 2.
-    pub knots: usize,
-    /// Plans tried at every agent step, the kept ones among them.
-    pub samples: usize,
-    /// Plans kept for the next agent step.
-    pub kept: usize,
-    /// Share of the samples that vary no plan but the middle of the action bounds, so that no habit lasts for ever.
-    pub fresh: f64,
-    /// Standard deviation of the widest variation, as a share of half the action range; well above 1, most actions are at a bound.
-    pub widest: f64,
-}
-
-impl PlannerSettings {
-    /// Settings that were found to work for a task; others get those of `walker-walk`.
-    pub fn for_task(task: &str) -> Self {
-        let settings =
-            |horizon, knots, samples, kept, fresh| Self { horizon, knots, samples, kept, fresh, widest: 1.0 };
-        match task {
-            "ball_in_cup-catch" => settings(12, 5, 64, 1, 0.25),
-            "cartpole-swingup" => settings(16, 5, 48, 1, 0.25),
-            "cheetah-run" => settings(15, 5, 40, 1, 0.1),
-            // A body is spun by short hard flicks: plans that are rough and end soon.
-            "finger-spin" => Self { widest: 4.0, ..settings(6, 6, 400, 4, 0.5) },
-            "reacher-easy" => settings(15, 5, 32, 1, 0.25),
-            _ => settings(16, 5, 24, 1, 0.1),
-        }
-    }
-}
 
 /// The finest variation has this share of the widest's standard deviation: finding a way needs wide ones, keeping still in a goal fine ones.
 const FINEST: f64 = 1.0 / 30.0;
@@ -78,7 +45,9 @@ pub struct Planner {
 impl Planner {
     /// A planner for a task; `noise` is the standard deviation added to the executed action, as a share of half the action range.
     pub fn new(task: &str, options: EnvironmentOptions, noise: f64) -> Result<Self> {
-        Ok(Self::with_settings(Environment::new(task, options)?, PlannerSettings::for_task(task), noise))
+        let simulation = Environment::new(task, options)?;
+        let settings = simulation.planner_settings();
+        Ok(Self::with_settings(simulation, settings, noise))
     }
 
     /// The same with other settings.

@@ -10,7 +10,7 @@ use vibes_data::CameraPose;
 use super::{Look, RenderSettings, anchor};
 use crate::distractors::camera::{CameraStart, cartesian_to_spherical};
 use crate::distractors::view::CameraFrame;
-use crate::distractors::{Undistracted, View, ground_alpha, upper_quadrant};
+use crate::distractors::{Scenery, Undistracted, View};
 use crate::error::{Error, Result};
 use crate::videos::VideoLibrary;
 
@@ -37,15 +37,15 @@ pub(super) struct Stage {
 }
 
 impl Stage {
-    pub(super) fn new(model: &MjModel, settings: &RenderSettings, domain: &str) -> Result<Self> {
+    pub(super) fn new(model: &MjModel, settings: &RenderSettings, scenery: Scenery) -> Result<Self> {
         let is_tracking = is_tracking(model)?;
         let mut stage = Self {
             data: MjData::try_new(prepared(model, settings)).map_err(refused)?,
             own_rgba: model.mat_rgba().to_vec(),
             ground: model.name_to_id(MjtObjBase::mjOBJ_MATERIAL, "grid"),
-            ground_alpha: ground_alpha(domain),
+            ground_alpha: scenery.ground_alpha,
             is_tracking,
-            keep_upright: upper_quadrant(domain),
+            keep_upright: scenery.upper_quadrant,
             look_at: [0.0; 3],
         };
         stage.place();
@@ -188,12 +188,12 @@ fn is_tracking(model: &MjModel) -> Result<bool> {
 pub struct CameraProbe(Stage);
 
 impl CameraProbe {
-    /// For a model; `domain` is the task's name or domain.
+    /// For a model and its task's scenery.
     ///
     /// # Errors
     /// When the model has no camera of the kinds the suite can move.
-    pub fn new(domain: &str, model: &MjModel) -> Result<Self> {
-        Stage::new(model, &RenderSettings::default(), domain).map(Self)
+    pub fn new(scenery: Scenery, model: &MjModel) -> Result<Self> {
+        Stage::new(model, &RenderSettings::default(), scenery).map(Self)
     }
 
     /// Starts an episode at its first row's positions.
@@ -220,7 +220,7 @@ impl CameraProbe {
 ///
 /// # Errors
 /// When the model has no camera of the kinds the suite can move.
-pub fn camera_start(domain: &str, model: &MjModel) -> Result<CameraStart> {
+pub fn camera_start(scenery: Scenery, model: &MjModel) -> Result<CameraStart> {
     let is_tracking = is_tracking(model)?;
     let mut data = MjData::try_new(model).map_err(refused)?;
     data.kinematics();
@@ -229,16 +229,16 @@ pub fn camera_start(domain: &str, model: &MjModel) -> Result<CameraStart> {
     let (position, center) = (data.cam_xpos()[CAMERA], data.subtree_com()[TRACKED]);
     let relative = if is_tracking { std::array::from_fn(|i| position[i] - center[i]) } else { position };
     let [r, h, v] = cartesian_to_spherical(relative);
-    Ok(CameraStart { pose: CameraPose { r, h, v, roll: 0.0 }, upper_quadrant: upper_quadrant(domain) })
+    Ok(CameraStart { pose: CameraPose { r, h, v, roll: 0.0 }, upper_quadrant: scenery.upper_quadrant })
 }
 
 /// What the distractors of a task start from: its model's camera and colours, and the videos' lengths.
 ///
 /// # Errors
 /// When the model has no camera of the kinds the suite can move.
-pub fn undistracted(domain: &str, model: &MjModel, videos: &VideoLibrary) -> Result<Undistracted> {
+pub fn undistracted(scenery: Scenery, model: &MjModel, videos: &VideoLibrary) -> Result<Undistracted> {
     Ok(Undistracted {
-        camera: camera_start(domain, model)?,
+        camera: camera_start(scenery, model)?,
         colors: material_colors(model),
         video_frames: videos.frame_counts(),
     })

@@ -10,15 +10,15 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::{RenderSettings, Renderer, undistracted};
-use crate::distractors::{AxisSeeds, DistractorSettings, DistractorTrajectory, View};
+use crate::distractors::{AxisSeeds, DistractorSettings, DistractorTrajectory, Scenery, View};
 use crate::error::{Error, Result};
 use crate::videos::VideoLibrary;
 
 /// What is measured.
 #[derive(Clone, Copy, Debug)]
 pub struct SpeedTrial<'a> {
-    /// The task's name or domain.
-    pub domain: &'a str,
+    /// The task's scenery.
+    pub scenery: Scenery,
     /// Its model.
     pub model: &'a MjModel,
     /// Size and look.
@@ -114,9 +114,9 @@ impl SpeedTrial<'_> {
             expected: "enough memory".to_owned(),
         };
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let undistracted = undistracted(self.domain, self.model, self.videos)?;
+        let undistracted = undistracted(self.scenery, self.model, self.videos)?;
         let mut data = MjData::try_new(self.model).map_err(|error| refused(&error))?;
-        let mut renderer = Renderer::new(self.settings, self.domain, self.model)?;
+        let mut renderer = Renderer::new(self.settings, self.scenery, self.model)?;
         let mut picture = vec![0; renderer.picture_bytes()];
         renderer.separate_stages(self.separate_stages);
         if self.is_empty {

@@ -8,7 +8,7 @@ use crate::{Environment, EnvironmentOptions};
 const SIZE: usize = 48;
 
 fn tasks() -> Vec<String> {
-    crate::task_names().into_iter().map(|name| name.replace("swimmer-N", "swimmer-6")).collect()
+    crate::example_tasks().into_iter().map(str::to_owned).collect()
 }
 
 fn videos(look: Look) -> VideoLibrary {
@@ -25,13 +25,15 @@ fn trajectory(task: &str, axes: Axes, videos: &VideoLibrary) -> DistractorTrajec
     let environment = environment(task);
     let model = environment.physics().model();
     let settings = DistractorSettings { axes, difficulty: Difficulty::Hard, dynamic: true };
-    let undistracted = undistracted(task, model, videos).unwrap();
+    let undistracted = undistracted(environment.scenery(), model, videos).unwrap();
     DistractorTrajectory::generate(&settings, &undistracted, 3, 5, AxisSeeds::from(2))
 }
 
 fn draw(task: &str, look: Look, view: &View<'_>, videos: &VideoLibrary) -> Vec<u8> {
     let environment = environment(task);
-    let mut renderer = Renderer::new(RenderSettings { size: SIZE, look }, task, environment.physics().model()).unwrap();
+    let mut renderer =
+        Renderer::new(RenderSettings { size: SIZE, look }, environment.scenery(), environment.physics().model())
+            .unwrap();
     let mut picture = vec![0; renderer.picture_bytes()];
     renderer.begin_episode(environment.physics().qpos()).unwrap();
     renderer.draw(environment.physics().qpos(), view, videos, &mut picture).unwrap();
@@ -90,9 +92,12 @@ fn a_picture_does_not_depend_on_those_before() {
     let trajectory = trajectory("cheetah-run", Axes::ALL, &videos);
     let environment = environment("cheetah-run");
     let qpos = environment.physics().qpos();
-    let mut renderer =
-        Renderer::new(RenderSettings { size: SIZE, look: Look::Fast }, "cheetah-run", environment.physics().model())
-            .unwrap();
+    let mut renderer = Renderer::new(
+        RenderSettings { size: SIZE, look: Look::Fast },
+        environment.scenery(),
+        environment.physics().model(),
+    )
+    .unwrap();
     let mut picture = vec![0; renderer.picture_bytes()];
     for row in [3, 0, 2, 2, 1, 0] {
         renderer.draw(qpos, &View::default(), &videos, &mut picture).unwrap();
@@ -108,7 +113,7 @@ fn two_renderers_share_a_thread() {
     let mut renderers = environments.each_ref().map(|environment| {
         Renderer::new(
             RenderSettings { size: SIZE, look: Look::Fast },
-            environment.name(),
+            environment.scenery(),
             environment.physics().model(),
         )
         .unwrap()
@@ -127,9 +132,9 @@ fn what_does_not_fit_is_refused() {
     let environment = environment("reacher-easy");
     let model = environment.physics().model();
     for size in [0, MAX_SIZE + 1] {
-        assert!(Renderer::new(RenderSettings { size, look: Look::Fast }, "reacher", model).is_err());
+        assert!(Renderer::new(RenderSettings { size, look: Look::Fast }, environment.scenery(), model).is_err());
     }
-    let mut renderer = Renderer::new(RenderSettings::default(), "reacher", model).unwrap();
+    let mut renderer = Renderer::new(RenderSettings::default(), environment.scenery(), model).unwrap();
     let (videos, mut picture) = (VideoLibrary::none(), vec![0; renderer.picture_bytes()]);
     let qpos = environment.physics().qpos();
     assert!(renderer.draw(&qpos[1..], &View::default(), &videos, &mut picture).is_err());

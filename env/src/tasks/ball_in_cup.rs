@@ -3,7 +3,8 @@
 use rand::{Rng, RngCore};
 use vibes_data::ObservationPart;
 
-use super::{Actuation, Loaded, Task, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Task, part};
+use crate::distractors::Scenery;
 use crate::physics::{ModelOverrides, Physics, suite_xml};
 use crate::{Error, Result};
 
@@ -15,8 +16,14 @@ const ACTION_REPEAT: u32 = 4;
 /// Draws for a free start before giving up; about one in seven touches the cup.
 const ATTEMPTS: usize = 1000;
 
+const PLANNER: PlannerSettings = PlannerSettings { horizon: 12, samples: 64, fresh: 0.25, ..PlannerSettings::DEFAULT };
+
+/// The registry's entry.
+pub(super) const TASK: Registered =
+    Registered { name: NAME, note: "", examples: &[NAME], load: |name| (name == NAME).then(load) };
+
 /// Loads the model and the task.
-pub(super) fn load() -> Result<Loaded> {
+fn load() -> Result<Loaded> {
     let physics = Physics::from_xml(NAME, suite_xml("ball_in_cup.xml")?)?;
     let task = BallInCup {
         ball: physics.body("ball")?,
@@ -32,6 +39,8 @@ pub(super) fn load() -> Result<Loaded> {
         actuation: Actuation::Direct,
         physics_steps: PHYSICS_STEPS,
         action_repeat: ACTION_REPEAT,
+        planner: PLANNER,
+        scenery: Scenery::DEFAULT,
     })
 }
 

@@ -5,8 +5,9 @@ use std::f64::consts::PI;
 use rand::RngCore;
 use vibes_data::ObservationPart;
 
-use super::{Actuation, Loaded, Sigmoid, Task, Tolerance, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Sigmoid, Task, Tolerance, part};
 use crate::Result;
+use crate::distractors::Scenery;
 use crate::gaussian::standard_normal;
 use crate::physics::{ModelOverrides, Physics, suite_xml};
 
@@ -20,8 +21,14 @@ const CENTERED: Tolerance = Tolerance::within(0.0, 0.0).margin(2.0);
 const SMALL_CONTROL: Tolerance = Tolerance::within(0.0, 0.0).margin(1.0).falling(Sigmoid::Quadratic, 0.0);
 const SMALL_VELOCITY: Tolerance = Tolerance::within(0.0, 0.0).margin(5.0);
 
+const PLANNER: PlannerSettings = PlannerSettings { samples: 48, fresh: 0.25, ..PlannerSettings::DEFAULT };
+
+/// The registry's entry.
+pub(super) const TASK: Registered =
+    Registered { name: NAME, note: "", examples: &[NAME], load: |name| (name == NAME).then(load) };
+
 /// Loads the model and the task.
-pub(super) fn load() -> Result<Loaded> {
+fn load() -> Result<Loaded> {
     let physics = Physics::from_xml(NAME, suite_xml("cartpole.xml")?)?;
     let task = Cartpole {
         slider: physics.joint_qpos("slider")?,
@@ -35,6 +42,8 @@ pub(super) fn load() -> Result<Loaded> {
         actuation: Actuation::Direct,
         physics_steps: PHYSICS_STEPS,
         action_repeat: ACTION_REPEAT,
+        planner: PLANNER,
+        scenery: Scenery::DEFAULT,
     })
 }
 

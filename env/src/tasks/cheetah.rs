@@ -3,8 +3,9 @@
 use rand::{Rng, RngCore};
 use vibes_data::ObservationPart;
 
-use super::{Actuation, Loaded, Sigmoid, Task, Tolerance, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Sigmoid, Task, Tolerance, part};
 use crate::Result;
+use crate::distractors::Scenery;
 use crate::physics::{ModelOverrides, Physics, suite_xml};
 
 const NAME: &str = "cheetah-run";
@@ -17,8 +18,15 @@ const STABILIZING_STEPS: usize = 200;
 
 const FAST: Tolerance = Tolerance::at_least(10.0).margin(10.0).falling(Sigmoid::Linear, 0.0);
 
+const PLANNER: PlannerSettings = PlannerSettings { horizon: 15, samples: 40, ..PlannerSettings::DEFAULT };
+const SCENERY: Scenery = Scenery { ground_alpha: 1.0, ..Scenery::DEFAULT };
+
+/// The registry's entry.
+pub(super) const TASK: Registered =
+    Registered { name: NAME, note: "", examples: &[NAME], load: |name| (name == NAME).then(load) };
+
 /// Loads the model and the task.
-pub(super) fn load() -> Result<Loaded> {
+fn load() -> Result<Loaded> {
     let physics = Physics::from_xml(NAME, suite_xml("cheetah.xml")?)?;
     let task = Cheetah { torso_velocity: physics.sensor("torso_subtreelinvel")? };
     Ok(Loaded {
@@ -28,6 +36,8 @@ pub(super) fn load() -> Result<Loaded> {
         actuation: Actuation::Direct,
         physics_steps: PHYSICS_STEPS,
         action_repeat: ACTION_REPEAT,
+        planner: PLANNER,
+        scenery: SCENERY,
     })
 }
 

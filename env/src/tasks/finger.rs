@@ -4,7 +4,8 @@ use rand::RngCore;
 use vibes_data::ObservationPart;
 
 use super::random_joints::randomize_joints;
-use super::{Actuation, Loaded, Task, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Task, part};
+use crate::distractors::Scenery;
 use crate::physics::{ModelOverrides, Physics, suite_xml};
 use crate::{Error, Result};
 
@@ -18,8 +19,16 @@ const SPIN_VELOCITY: f64 = 15.0;
 /// Draws for a free start before giving up, as in `dm_control`.
 const ATTEMPTS: usize = 1000;
 
+/// A body is spun by short hard flicks: plans that are rough and end soon.
+const PLANNER: PlannerSettings =
+    PlannerSettings { horizon: 6, knots: 6, samples: 400, kept: 4, fresh: 0.5, widest: 4.0 };
+
+/// The registry's entry.
+pub(super) const TASK: Registered =
+    Registered { name: NAME, note: "", examples: &[NAME], load: |name| (name == NAME).then(load) };
+
 /// Loads the model and the task.
-pub(super) fn load() -> Result<Loaded> {
+fn load() -> Result<Loaded> {
     let physics = Physics::from_xml(NAME, suite_xml("finger.xml")?)?;
     let task = Finger {
         angles: [physics.sensor("proximal")?, physics.sensor("distal")?],
@@ -40,6 +49,8 @@ pub(super) fn load() -> Result<Loaded> {
         actuation: Actuation::Direct,
         physics_steps: PHYSICS_STEPS,
         action_repeat: ACTION_REPEAT,
+        planner: PLANNER,
+        scenery: Scenery::DEFAULT,
     })
 }
 

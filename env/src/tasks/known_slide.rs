@@ -4,10 +4,14 @@
 use rand::{Rng, RngCore};
 use vibes_data::ObservationPart;
 
-use super::{Actuation, KNOWN_SLIDE, Loaded, Task, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Task, part};
 use crate::Result;
+use crate::distractors::Scenery;
 use crate::physics::{ModelOverrides, Physics};
 
+/// A task for tests of the alignment of `o_t`, `a_t`, `r_t`: its reward is a formula in state and action. Not in the listing, since it is not
+/// for research.
+pub const KNOWN_SLIDE: &str = "known-slide";
 /// Seconds of a physics step, which is a control step.
 const TIMESTEP: f64 = 0.02;
 /// Control steps an action is held.
@@ -33,8 +37,12 @@ const XML: &str = r#"
   <actuator><motor name="push" joint="slide" gear="4" ctrllimited="true" ctrlrange="-1 1"/></actuator>
 </mujoco>"#;
 
+/// The registry's entry.
+pub(super) const TASK: Registered =
+    Registered { name: KNOWN_SLIDE, note: "", examples: &[KNOWN_SLIDE], load: |name| (name == KNOWN_SLIDE).then(load) };
+
 /// Loads the model and the task.
-pub(super) fn load() -> Result<Loaded> {
+fn load() -> Result<Loaded> {
     Ok(Loaded {
         name: KNOWN_SLIDE.to_owned(),
         physics: Physics::from_xml(KNOWN_SLIDE, XML)?,
@@ -42,6 +50,8 @@ pub(super) fn load() -> Result<Loaded> {
         actuation: Actuation::Direct,
         physics_steps: 1,
         action_repeat: ACTION_REPEAT,
+        planner: PlannerSettings::DEFAULT,
+        scenery: Scenery::DEFAULT,
     })
 }
 

@@ -6,8 +6,9 @@ use rand::{Rng, RngCore};
 use vibes_data::ObservationPart;
 
 use super::random_joints::randomize_joints;
-use super::{Actuation, Loaded, Task, Tolerance, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Task, Tolerance, part};
 use crate::Result;
+use crate::distractors::Scenery;
 use crate::physics::{ModelOverrides, Physics, Start, suite_xml};
 
 const NAME: &str = "reacher-easy";
@@ -18,8 +19,16 @@ const ACTION_REPEAT: u32 = 4;
 /// The target's radius in metres.
 const TARGET_RADIUS: f64 = 0.05;
 
+const PLANNER: PlannerSettings = PlannerSettings { horizon: 15, samples: 32, fresh: 0.25, ..PlannerSettings::DEFAULT };
+/// Seen from above, so that the camera may go all around, and without a floor.
+const SCENERY: Scenery = Scenery { upper_quadrant: false, ground_alpha: 0.0 };
+
+/// The registry's entry.
+pub(super) const TASK: Registered =
+    Registered { name: NAME, note: "", examples: &[NAME], load: |name| (name == NAME).then(load) };
+
 /// Loads the model and the task.
-pub(super) fn load() -> Result<Loaded> {
+fn load() -> Result<Loaded> {
     let physics = Physics::from_xml(NAME, suite_xml("reacher.xml")?)?;
     let task = Reacher {
         finger: physics.geom("finger")?,
@@ -33,6 +42,8 @@ pub(super) fn load() -> Result<Loaded> {
         actuation: Actuation::Direct,
         physics_steps: PHYSICS_STEPS,
         action_repeat: ACTION_REPEAT,
+        planner: PLANNER,
+        scenery: SCENERY,
     })
 }
 

@@ -10,12 +10,13 @@ use rand::{Rng, RngCore};
 use vibes_data::ObservationPart;
 
 use super::random_joints::randomize_joints;
-use super::{Actuation, Loaded, Sigmoid, Sinusoid, Task, Tolerance, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Sigmoid, Sinusoid, Task, Tolerance, part};
 use crate::Result;
+use crate::distractors::Scenery;
 use crate::physics::{ModelOverrides, Physics, suite_xml};
 
 /// Links a swimmer can have; the upper end only keeps a slip of the finger from filling the memory.
-pub(super) const LINKS: RangeInclusive<usize> = 3..=1000;
+const LINKS: RangeInclusive<usize> = 3..=1000;
 
 /// Physics steps of 2 ms in a control step of 30 ms.
 const PHYSICS_STEPS: usize = 15;
@@ -24,8 +25,23 @@ const ACTION_REPEAT: u32 = 10;
 /// Numbers of the four sensors of places and axes that come before the two of every link, three numbers each.
 const FRAME_SENSORS: usize = 12;
 
+/// The registry's entry.
+pub(super) const TASK: Registered = Registered {
+    name: "swimmer-N",
+    note: "N is the number of links, 3 to 1000",
+    examples: &["swimmer-5", "swimmer-100"],
+    load: |name| links_of(name).map(load),
+};
+
+/// The number of links in a name: `swimmer-6`, or the suite's own `swimmer-swimmer6`.
+fn links_of(name: &str) -> Option<usize> {
+    let rest = name.strip_prefix("swimmer-")?;
+    let links = rest.strip_prefix("swimmer").unwrap_or(rest).parse().ok()?;
+    LINKS.contains(&links).then_some(links)
+}
+
 /// Loads the model and the task.
-pub(super) fn load(links: usize) -> Result<Loaded> {
+fn load(links: usize) -> Result<Loaded> {
     let name = format!("swimmer-{links}");
     let physics = Physics::from_xml(&name, &xml(links)?)?;
     let task = Swimmer {
@@ -41,6 +57,8 @@ pub(super) fn load(links: usize) -> Result<Loaded> {
         actuation: Actuation::Sinusoid(Sinusoid::for_links(links)),
         physics_steps: PHYSICS_STEPS,
         action_repeat: ACTION_REPEAT,
+        planner: PlannerSettings::DEFAULT,
+        scenery: Scenery::DEFAULT,
     })
 }
 

@@ -4,8 +4,9 @@ use rand::RngCore;
 use vibes_data::ObservationPart;
 
 use super::random_joints::randomize_joints;
-use super::{Actuation, Loaded, Sigmoid, Task, Tolerance, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Sigmoid, Task, Tolerance, part};
 use crate::Result;
+use crate::distractors::Scenery;
 use crate::physics::{ModelOverrides, Physics, suite_xml};
 
 const NAME: &str = "walker-walk";
@@ -19,8 +20,14 @@ const STANDING: Tolerance = Tolerance::at_least(1.2).margin(0.6);
 /// Forwards at least at 1 m/s.
 const WALKING: Tolerance = Tolerance::at_least(1.0).margin(0.5).falling(Sigmoid::Linear, 0.5);
 
+const SCENERY: Scenery = Scenery { ground_alpha: 1.0, ..Scenery::DEFAULT };
+
+/// The registry's entry.
+pub(super) const TASK: Registered =
+    Registered { name: NAME, note: "", examples: &[NAME], load: |name| (name == NAME).then(load) };
+
 /// Loads the model and the task.
-pub(super) fn load() -> Result<Loaded> {
+fn load() -> Result<Loaded> {
     let physics = Physics::from_xml(NAME, suite_xml("walker.xml")?)?;
     let task = Walker { torso: physics.body("torso")?, torso_velocity: physics.sensor("torso_subtreelinvel")? };
     Ok(Loaded {
@@ -30,6 +37,8 @@ pub(super) fn load() -> Result<Loaded> {
         actuation: Actuation::Direct,
         physics_steps: PHYSICS_STEPS,
         action_repeat: ACTION_REPEAT,
+        planner: PlannerSettings::DEFAULT,
+        scenery: SCENERY,
     })
 }
 
