@@ -6,7 +6,7 @@
 export CARGO_TARGET_DIR ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/vibes-toolkit/target
 export PATH := $(CARGO_TARGET_DIR)/debug:$(PATH)
 
-.PHONY: setup build demo test check bench gpu-test
+.PHONY: setup build demo test check bench stress gpu-test
 
 setup: ## MuJoCo, the suite's models, EGL
 	@setup/fetch.sh
@@ -33,6 +33,12 @@ bench: build ## rate cards of the three programs
 	vibes-collect bench
 	vibes-train bench
 	vibes-analyze bench
+
+DURATION ?= 30m
+
+stress: setup ## draws for DURATION (30m, 2h, 90s) on all cores, both looks, an upload for every picture; must end without a crash
+	cargo build -p vibes-env --example stress
+	$(CARGO_TARGET_DIR)/debug/examples/stress $$(( $(patsubst %h,%*3600,$(patsubst %m,%*60,$(patsubst %s,%,$(DURATION)))) ))
 
 # Vulkan on the CPU: Debian's and Ubuntu's libvulkan1 and mesa-vulkan-drivers. VULKAN= with another driver's file tests that driver.
 VULKAN ?= $(firstword $(wildcard /usr/share/vulkan/icd.d/lvp_icd*.json))

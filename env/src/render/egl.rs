@@ -1,8 +1,12 @@
 //! An OpenGL context without a window or a display, through EGL.
 //!
 //! In: nothing. Out: an [`EglContext`], current on the thread that made it, and OpenGL functions by name. EGL is loaded at run time, so a
-//! machine without it can do everything but draw. The display is opened once a process: on the first device that opens (a GPU, or
-//! Mesa's software device), else Mesa's surfaceless platform.
+//! machine without it can do everything but draw. The display is opened once a process: on the device that `MUJOCO_EGL_DEVICE_ID` numbers, as for
+//! MuJoCo's own Python package; without it on the first device that opens (a GPU, or Mesa's software device), else on Mesa's surfaceless platform.
+//!
+//! Before EGL is opened, `LP_NUM_THREADS=0` is put into the process's environment unless the user has set it: Mesa's software renderer then
+//! rasterises on the thread that draws. With threads of its own, Mesa 22.3 (Debian 12) crashes now and then: before it uploads a texture it
+//! looks, without a lock, through scenes that its rasteriser threads are still freeing. The collector's page says what was measured.
 #![allow(unsafe_code, reason = "EGL is a C library; every call is checked and its handles never leave this module")]
 
 use std::ffi::c_void;
@@ -52,9 +56,27 @@ unsafe impl Send for Shared {}
 // SAFETY: as above.
 unsafe impl Sync for Shared {}
 
+/// The variable by which Mesa's llvmpipe takes its number of rasteriser threads.
+const RASTERISERS: &str = "LP_NUM_THREADS";
+/// The variable by which MuJoCo's Python package chooses among several devices.
+const DEVICE: &str = "MUJOCO_EGL_DEVICE_ID";
+
 fn shared() -> Result<&'static Shared> {
     static SHARED: OnceLock<std::result::Result<Shared, String>> = OnceLock::new();
-    SHARED.get_or_init(|| open("libEGL.so.1")).as_ref().map_err(|fact| Error::NoEgl { fact: fact.clone() })
+    let open = || {
+        draw_without_rasteriser_threads();
+        open("libEGL.so.1")
+    };
+    SHARED.get_or_init(open).as_ref().map_err(|fact| Error::NoEgl { fact: fact.clone() })
+}
+
+/// See the module.
+fn draw_without_rasteriser_threads() {
+    if std::env::var_os(RASTERISERS).is_none() {
+        // SAFETY: Rust's own readers of the environment share a lock with this call. A C library that reads it at this very moment on another
+        // thread would race; nothing here does before EGL, which is not loaded yet.
+        unsafe { std::env::set_var(RASTERISERS, "0") };
+    }
 }
 
 fn open(library: &str) -> std::result::Result<Shared, String> {
@@ -73,9 +95,16 @@ fn open(library: &str) -> std::result::Result<Shared, String> {
 }
 
 fn open_display(egl: &Egl) -> std::result::Result<egl::Display, String> {
-    let devices = devices(egl).into_iter().map(|device| (PLATFORM_DEVICE, device));
+    let (devices, chosen) = (devices(egl), std::env::var_os(DEVICE));
+    let candidates: Vec<(egl::Enum, *mut c_void)> = match &chosen {
+        Some(number) => vec![(PLATFORM_DEVICE, devices[device_number(&number.to_string_lossy(), devices.len())?])],
+        None => {
+            let devices = devices.into_iter().map(|device| (PLATFORM_DEVICE, device));
+            devices.chain([(PLATFORM_SURFACELESS, std::ptr::null_mut())]).collect()
+        }
+    };
     let mut refusal = "no device and no surfaceless platform".to_owned();
-    for (platform, native) in devices.chain([(PLATFORM_SURFACELESS, std::ptr::null_mut())]) {
+    for (platform, native) in candidates {
         // SAFETY: the native handle is a device EGL listed, or the null that the surfaceless platform asks for.
         let display = unsafe { egl.get_platform_display(platform, native, &[egl::ATTRIB_NONE]) };
         match display.and_then(|display| egl.initialize(display).map(|_| display)) {
@@ -83,7 +112,17 @@ fn open_display(egl: &Egl) -> std::result::Result<egl::Display, String> {
             Err(error) => refusal = error.to_string(),
         }
     }
-    Err(format!("no display opens: {refusal}"))
+    let asked = chosen.map_or_else(String::new, |number| format!(" on {DEVICE}={}", number.to_string_lossy()));
+    Err(format!("no display opens{asked}: {refusal}"))
+}
+
+/// The device that a number names, of `count`.
+fn device_number(text: &str, count: usize) -> std::result::Result<usize, String> {
+    let number = text.trim().parse().ok().filter(|&number: &usize| number < count);
+    number.ok_or_else(|| match count {
+        0 => format!("{DEVICE} is {text:?}, but EGL lists no devices; unset it"),
+        _ => format!("{DEVICE} is {text:?}; this machine's devices are 0 to {}", count - 1),
+    })
 }
 
 fn devices(egl: &Egl) -> Vec<*mut c_void> {
@@ -160,6 +199,25 @@ mod tests {
         assert!(fact.contains("libEGL-that-is-not-there.so.1"), "{fact}");
         let message = Error::NoEgl { fact }.to_string();
         assert!(message.contains("make setup") && message.contains("apt-get install libegl1"), "{message}");
+    }
+
+    #[test]
+    fn a_device_is_chosen_by_number_or_the_numbers_are_said() {
+        assert_eq!(device_number("1", 2), Ok(1));
+        for (text, count, said) in [("2", 2, "0 to 1"), ("-1", 2, "0 to 1"), ("gpu", 1, "0 to 0"), ("0", 0, "unset it")] {
+            let fact = device_number(text, count).unwrap_err();
+            assert!(fact.contains(said) && fact.contains(DEVICE), "{fact}");
+        }
+    }
+
+    #[test]
+    fn drawing_opens_no_rasteriser_threads_unless_asked_to() {
+        shared().expect("this machine draws");
+        assert!(std::env::var_os(RASTERISERS).is_some());
+        let named = |name: &str| name.starts_with("llvmpipe");
+        let tasks = std::fs::read_dir("/proc/self/task").expect("Linux").filter_map(std::result::Result::ok);
+        let names = tasks.filter_map(|task| std::fs::read_to_string(task.path().join("comm")).ok());
+        assert_eq!(names.filter(|name| named(name)).count(), 0, "LP_NUM_THREADS was read");
     }
 
     #[test]
