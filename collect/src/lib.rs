@@ -10,6 +10,7 @@ pub mod distractor_trace;
 mod error;
 pub mod extend;
 pub mod frames;
+mod largest;
 pub mod plan;
 pub mod preview;
 pub mod recorder;

@@ -105,7 +105,7 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
     };
     shared.tell();
     std::thread::scope(|scope| {
-        for _ in 0..run.threads.clamp(1, wanted.max(1)) {
+        for _ in 0..run.threads.min(cores()).clamp(1, wanted.max(1)) {
             scope.spawn(|| shared.fail_on(Worker::new(&shared).and_then(|mut worker| worker.work())));
         }
     });
@@ -113,6 +113,11 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
     let recording = writer.finish();
     // What went wrong first is what to say, even when the manifest could not be completed after it.
     failure.map_or_else(|| Ok(recording?), Err)
+}
+
+/// Cores that this process may use: more contexts than that only wait for each other.
+pub fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
 }
 
 /// What is not there yet. Cells are ordered so that as many rows are simulated at once as there are threads: nobody waits for another's physics.

@@ -6,6 +6,7 @@
 use serde::Serialize;
 use vibes_data::{EpisodeView, Recording, Spec};
 
+use crate::largest::largest;
 use crate::stored::start_of;
 use crate::{Result, Trace};
 use vibes_env::{Environment, EnvironmentOptions};
@@ -26,8 +27,7 @@ pub struct EpisodeErrors {
 impl EpisodeErrors {
     /// The largest of all; infinite when a number is not finite.
     pub fn largest(&self) -> f64 {
-        let all = [self.qpos, self.qvel, self.observations, self.rewards];
-        all.into_iter().fold(0.0, |largest: f64, next| if next.is_finite() { largest.max(next) } else { f64::INFINITY })
+        largest([self.qpos, self.qvel, self.observations, self.rewards])
     }
 }
 
@@ -97,10 +97,7 @@ fn compare_row(errors: &mut EpisodeErrors, environment: &Environment, view: &Epi
     }
 }
 
-/// Keeps the largest difference; one that is no number stays.
-fn larger(largest: &mut f64, stored: f64, again: f64) {
-    let difference = (stored - again).abs();
-    if difference.is_nan() || difference > *largest {
-        *largest = if difference.is_nan() { f64::INFINITY } else { difference };
-    }
+/// Keeps the largest difference.
+fn larger(kept: &mut f64, stored: f64, again: f64) {
+    *kept = largest([*kept, stored - again]);
 }

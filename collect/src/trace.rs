@@ -8,6 +8,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::largest::largest;
 use crate::{Error, Result};
 use vibes_env::{EPISODE_CONTROL_STEPS, Environment, EnvironmentOptions, Start};
 
@@ -75,7 +76,7 @@ pub struct TraceErrors {
 impl TraceErrors {
     /// The largest of all.
     pub fn largest(&self) -> f64 {
-        [self.observations, self.rewards, self.qpos].into_iter().flatten().fold(0.0, f64::max)
+        largest([self.observations, self.rewards, self.qpos].into_iter().flatten())
     }
 }
 
@@ -195,8 +196,7 @@ fn largest_difference<A: AsRef<[f64]>, B: AsRef<[f64]>>(expected: &[A], got: &[B
         if expected.len() != got.len() {
             return f64::INFINITY;
         }
-        let differences = expected.iter().zip(got).map(|(expected, got)| (expected - got).abs());
-        differences.fold(0.0, |largest: f64, next| if next.is_finite() { largest.max(next) } else { f64::INFINITY })
+        largest(expected.iter().zip(got).map(|(expected, got)| expected - got))
     });
-    Some(rows.fold(0.0, f64::max))
+    Some(largest(rows))
 }

@@ -9,9 +9,10 @@ use vibes_data::{BackgroundFrame, EpisodeEntry, EpisodeView, Finding, Recording,
 
 use crate::Result;
 use crate::care::merge::{MergedPart, merged_parts};
+use crate::largest::{largest, largest_difference};
 use crate::plan::RecordOptions;
 use vibes_env::distractors::View;
-use vibes_env::render::Renderer;
+use vibes_env::render::{Renderer, picture_difference};
 use vibes_env::videos::VideoLibrary;
 use vibes_env::{Environment, ModelOverrides, Start};
 
@@ -152,25 +153,25 @@ impl Again {
             ..Start::default()
         };
         self.environment.reset_to(&start)?;
-        let drawn = self.draw_again(view)?;
-        verdict.pictures += drawn.len();
-        verdict.largest_picture_error = drawn.into_iter().fold(verdict.largest_picture_error, f64::max);
-        let mut largest = 0.0_f64;
+        let pictures = self.draw_again(view)?;
+        let mut positions = 0.0;
         for step in 0..view.steps() {
             let action: Vec<f64> = view.action(step).iter().map(|&number| f64::from(number)).collect();
             self.environment.step(&action)?;
-            let found = self.environment.physics().qpos().iter().zip(view.qpos(step + 1));
-            largest = found.fold(largest, |largest, (again, stored)| largest.max((again - stored).abs()));
+            let pairs = self.environment.physics().qpos().iter().zip(view.qpos(step + 1));
+            positions = largest([positions, largest_difference(pairs.map(|(&again, &stored)| (again, stored)))]);
         }
-        verdict.largest_qpos_error = verdict.largest_qpos_error.max(largest);
-        let index = entry.index;
-        if largest > QPOS_TOLERANCE {
-            let fact = format!("simulated again, positions differ by {largest:.1e}");
-            return Err(crate::Error::Differs { index, fact });
+        // An episode is judged by its own errors; the verdict keeps the largest of all only to say it.
+        let (count, worst) = (pictures.len(), largest(pictures));
+        verdict.pictures += count;
+        verdict.largest_picture_error = largest([verdict.largest_picture_error, worst]);
+        verdict.largest_qpos_error = largest([verdict.largest_qpos_error, positions]);
+        let differs = |fact: String| Err(crate::Error::Differs { index: entry.index, fact });
+        if positions > QPOS_TOLERANCE {
+            return differs(format!("simulated again, positions differ by {positions:.1e}"));
         }
-        if verdict.largest_picture_error > PICTURE_TOLERANCE {
-            let fact = format!("drawn again, a picture differs by {:.1} of 255", verdict.largest_picture_error);
-            return Err(crate::Error::Differs { index, fact });
+        if worst > PICTURE_TOLERANCE {
+            return differs(format!("drawn again, a picture differs by {worst:.1} of 255"));
         }
         Ok(())
     }
@@ -189,8 +190,10 @@ impl Again {
                 colors: Some(view.colors(row)),
             };
             renderer.draw(view.qpos(row), &shown, &self.videos, &mut picture)?;
-            let differences = picture.iter().zip(view.pixels(row)).map(|(&a, &b)| f64::from(a.abs_diff(b)));
-            errors.push(differences.sum::<f64>() / picture.len() as f64);
+            let stored = view.pixels(row);
+            // A picture that is missing is as wrong as can be, though it has no pixel that differs.
+            let is_there = stored.len() == picture.len();
+            errors.push(if is_there { picture_difference(&picture, stored).0 } else { f64::INFINITY });
         }
         Ok(errors)
     }

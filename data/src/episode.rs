@@ -147,8 +147,8 @@ impl Episode {
         self.rewards.iter().fold(0.0, |sum, &reward| sum + f64::from(reward))
     }
 
-    /// Checks every column's length against the spec, and that rewards and discounts are numbers: one that is not would make
-    /// every sum over it none, and JSON cannot hold such a return.
+    /// Checks every column's length against the spec, and that actions, rewards and discounts are finite: one that is not would make every sum over
+    /// it none, and JSON cannot hold such a return.
     ///
     /// # Errors
     /// [`Error::Episode`] naming the first column that does not fit.
@@ -169,12 +169,21 @@ impl Episode {
         if let Some((column, found, expected)) = columns.into_iter().find(|(_, found, expected)| found != expected) {
             return Err(fault(format!("{column} holds {found} numbers"), format!("{expected} for {steps} actions")));
         }
-        for (name, values) in [("reward", &self.rewards), ("discount", &self.discounts)] {
-            if let Some(step) = values.iter().position(|value| !value.is_finite()) {
-                return Err(fault(format!("the {name} of step {step} is {}", values[step]), "a finite number".into()));
-            }
+        let columns = [
+            ("action", &self.actions, spec.action_len()),
+            ("reward", &self.rewards, 1),
+            ("discount", &self.discounts, 1),
+        ];
+        match columns.into_iter().find_map(|(name, values, len)| first_not_finite(name, values, len)) {
+            Some(fact) => Err(fault(fact, "a finite number".into())),
+            None => Ok(()),
         }
-        Ok(())
+    }
+
+    /// Says where an observation is no finite number, if one is. Such an episode can be recorded, since a simulator that went astray is worth
+    /// looking at, but nothing can be learned from it.
+    pub fn observation_fault(&self, spec: &Spec) -> Option<String> {
+        first_not_finite("observation", &self.observations, spec.observation_len())
     }
 
     /// Whether two episodes are the same to the bit, so that a number that is none equals itself.
@@ -201,4 +210,10 @@ impl Episode {
             && doubles(&self.qvel, &other.qvel)
             && doubles(&cameras(self), &cameras(other))
     }
+}
+
+/// The first number of a column `[rows, len]` that is none, in words.
+fn first_not_finite(name: &str, values: &[f32], len: usize) -> Option<String> {
+    let place = values.iter().position(|value| !value.is_finite())?;
+    Some(format!("the {name} of step {} is {}", place / len.max(1), values[place]))
 }

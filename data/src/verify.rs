@@ -72,7 +72,8 @@ fn compare(recording: &Recording, entry: &EpisodeEntry, spec: &Spec) -> Result<(
         return Err(Error::malformed(path, fact, "the same entry in the file and in the manifest"));
     }
     let total = episode.episode_return();
-    if (total - entry.episode_return).abs() > 1e-6 * total.abs().max(1.0) {
+    let is_the_sum = (total - entry.episode_return).abs() <= 1e-6 * total.abs().max(1.0);
+    if !is_the_sum {
         let expected = format!("{} as the manifest says", entry.episode_return);
         return Err(Error::malformed(path, format!("rewards sum to {total}"), expected));
     }

@@ -120,7 +120,7 @@ fn hostile_manifests_are_refused() {
 }
 
 #[test]
-fn rewards_that_are_no_numbers_are_not_written() {
+fn actions_and_rewards_that_are_no_numbers_are_not_written() {
     let folder = tempfile::tempdir().unwrap();
     let spec = spec(true);
     let writer = RecordingWriter::create_or_resume(folder.path(), manifest(&spec, None), true).unwrap();
@@ -132,6 +132,10 @@ fn rewards_that_are_no_numbers_are_not_written() {
         let mut odd = episode(&spec, 0, None, 4, false);
         odd.discounts[0] = bad;
         assert!(writer.write(&odd, info(0)).is_err());
+        let mut odd = episode(&spec, 0, None, 4, false);
+        odd.actions[5] = bad;
+        let error = writer.write(&odd, info(0)).unwrap_err().to_string();
+        assert!(error.contains("action of step 2"), "{error}");
     }
     // Observations may be: a simulator that went astray is worth recording.
     let mut odd = episode(&spec, 0, None, 4, false);

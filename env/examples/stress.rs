@@ -22,7 +22,9 @@ const SIZE: usize = 64;
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
     let outcome = match arguments.as_slice() {
-        [_, seconds] => seconds.parse().map_err(|_error| usage()).and_then(|seconds| stress(Duration::from_secs(seconds))),
+        [_, seconds] => {
+            seconds.parse().map_err(|_error| usage()).and_then(|seconds| stress(Duration::from_secs(seconds)))
+        }
         [_, round, look, first] if round == "round" => draw_for_a_round(look, first),
         _ => Err(usage()),
     };
@@ -48,7 +50,8 @@ fn stress(duration: Duration) -> Result<String, String> {
     let (begin, mut rounds, mut pictures) = (Instant::now(), 0_usize, 0_u64);
     while begin.elapsed() < duration {
         let look = if rounds % 2 == 0 { "fast" } else { "suite" };
-        let output = Command::new(&own).args(["round", look, &rounds.to_string()]).output().map_err(|e| e.to_string())?;
+        let output =
+            Command::new(&own).args(["round", look, &rounds.to_string()]).output().map_err(|e| e.to_string())?;
         if !output.status.success() {
             let said = String::from_utf8_lossy(&output.stderr).into_owned();
             return Err(format!("round {rounds} ({look}) ended with {}: {said}", output.status));
@@ -57,7 +60,10 @@ fn stress(duration: Duration) -> Result<String, String> {
         pictures += drawn.trim().parse::<u64>().map_err(|_error| format!("round {rounds} said {drawn}"))?;
         rounds += 1;
         if rounds.is_multiple_of(30) {
-            println!("{:.0} minutes, {rounds} rounds, {pictures} pictures, no crash", begin.elapsed().as_secs_f64() / 60.0);
+            println!(
+                "{:.0} minutes, {rounds} rounds, {pictures} pictures, no crash",
+                begin.elapsed().as_secs_f64() / 60.0
+            );
         }
     }
     let hours = begin.elapsed().as_secs_f64() / 3600.0;

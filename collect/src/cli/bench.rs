@@ -6,12 +6,12 @@ use anyhow::{Context, Result};
 use clap::Args;
 use serde_json::json;
 
-use super::record::cores;
 use super::{Outcome, OutputArgs};
 use crate::bench::{
     DrawingCase, DrawingRate, FileRate, Limits, STAGES, WRITING_STAGES, WritingRate, drawing_rate, peak_memory,
     physics_rate, writing_rate,
 };
+use crate::recorder::cores;
 use vibes_env::render::{Look, RenderSettings};
 use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 

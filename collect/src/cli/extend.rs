@@ -6,9 +6,10 @@ use anyhow::Result;
 use clap::Args;
 use vibes_data::Grid;
 
-use super::record::{cores, parse_grid, stop_on_interrupt, told};
+use super::record::{parse_grid, stop_on_interrupt, told};
 use super::{Outcome, OutputArgs};
 use crate::extend::{ExtendRun, Size, extend};
+use crate::recorder::cores;
 
 #[derive(Debug, Args)]
 pub(super) struct ExtendArgs {
@@ -20,7 +21,7 @@ pub(super) struct ExtendArgs {
     /// Episodes a recording without a grid is to have.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=999_999))]
     episodes: Option<u32>,
-    /// Worker threads, each with a render context [default: one per core].
+    /// Worker threads, each with a render context; at most one per core, the default.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: Option<u16>,
 }

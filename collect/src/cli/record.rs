@@ -10,7 +10,7 @@ use vibes_data::{Grid, Recording};
 use super::axis_seeds::AxisSeedArgs;
 use super::{Outcome, OutputArgs, show};
 use crate::plan::RecordOptions;
-use crate::recorder::{Progress, RecordRun, Source, record};
+use crate::recorder::{Progress, RecordRun, Source, cores, record};
 use crate::trained::acted_by;
 use vibes_env::distractors::{Axes, Difficulty, DistractorSettings};
 use vibes_env::render::Look;
@@ -83,7 +83,7 @@ pub(super) struct RecordArgs {
     /// Write no MCAP logs, only Arrow tables.
     #[arg(long)]
     no_mcap: bool,
-    /// Worker threads, each with a render context [default: one per core].
+    /// Worker threads, each with a render context; at most one per core, the default.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: Option<u16>,
     /// The recording's folder [default: recordings/TASK-NxM or recordings/TASK-N].
@@ -235,10 +235,6 @@ pub(super) fn stop_on_interrupt() -> Result<&'static AtomicBool> {
         }
     })?;
     Ok(&STOP)
-}
-
-pub(super) fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
 }
 
 #[cfg(test)]

@@ -7,8 +7,9 @@ use clap::Args;
 use vibes_data::Recording;
 
 use super::axis_seeds::AxisSeedArgs;
-use super::record::{cores, stop_on_interrupt, told};
+use super::record::{stop_on_interrupt, told};
 use super::{Outcome, OutputArgs};
+use crate::recorder::cores;
 use crate::redraw::{NewDistractors, Redraw};
 use vibes_env::distractors::{Axes, Difficulty};
 use vibes_env::render::Look;
@@ -59,7 +60,7 @@ pub(super) struct RenderArgs {
     /// Write no MCAP logs, only Arrow tables [default: as the recording has them].
     #[arg(long)]
     no_mcap: bool,
-    /// Worker threads, each with a render context [default: one per core].
+    /// Worker threads, each with a render context; at most one per core, the default.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: Option<u16>,
 }

@@ -5,6 +5,7 @@ use vibes_data::BackgroundFrame;
 
 use super::{DistractorTrace, TraceStep};
 use crate::error::{Error, Result};
+use crate::largest::{largest, largest_difference};
 use vibes_env::Environment;
 use vibes_env::distractors::background::{BackgroundReset, BackgroundWalk};
 use vibes_env::distractors::camera::{CameraBounds, CameraWalk};
@@ -123,7 +124,7 @@ impl DistractorTrace {
     }
 
     fn bounds_error(&self, bounds: &CameraBounds) -> f64 {
-        let mut error = (bounds.velocity_scaling - self.velocity_scaling).abs();
+        let mut error = largest([bounds.velocity_scaling - self.velocity_scaling]);
         for (ours, theirs) in [bounds.r, bounds.h, bounds.v, bounds.roll].iter().zip(&self.camera_bounds) {
             raise(&mut error, [(ours.0, theirs.0), (ours.1, theirs.1)].into_iter());
         }
@@ -208,8 +209,5 @@ impl TraceComparison {
 
 /// Raises `worst` to the largest difference; not a number counts as infinite.
 fn raise(worst: &mut f64, pairs: impl Iterator<Item = (f64, f64)>) {
-    for (ours, theirs) in pairs {
-        let error = (ours - theirs).abs();
-        *worst = worst.max(if error.is_nan() { f64::INFINITY } else { error });
-    }
+    *worst = largest([*worst, largest_difference(pairs)]);
 }

@@ -204,7 +204,8 @@ mod tests {
     #[test]
     fn a_device_is_chosen_by_number_or_the_numbers_are_said() {
         assert_eq!(device_number("1", 2), Ok(1));
-        for (text, count, said) in [("2", 2, "0 to 1"), ("-1", 2, "0 to 1"), ("gpu", 1, "0 to 0"), ("0", 0, "unset it")] {
+        for (text, count, said) in [("2", 2, "0 to 1"), ("-1", 2, "0 to 1"), ("gpu", 1, "0 to 0"), ("0", 0, "unset it")]
+        {
             let fact = device_number(text, count).unwrap_err();
             assert!(fact.contains(said) && fact.contains(DEVICE), "{fact}");
         }
