@@ -116,7 +116,7 @@ impl BenchArgs {
     }
 
     fn threads(&self) -> usize {
-        self.threads.map_or_else(cores, usize::from)
+        self.threads.map_or_else(cores, usize::from).min(cores())
     }
 
     fn case(&self, pictures: RenderSettings, distracted: bool) -> DrawingCase {
