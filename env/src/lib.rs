@@ -9,6 +9,7 @@ mod environment;
 mod error;
 mod eyes;
 mod gaussian;
+pub mod names;
 mod physics;
 mod policies;
 pub mod render;

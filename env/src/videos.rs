@@ -5,6 +5,7 @@
 //! decoded when the library is opened, or was by an earlier run; never at a reset.
 
 pub mod davis;
+pub mod picture;
 pub mod procedural;
 mod resample;
 mod store;

@@ -13,7 +13,7 @@ mod video;
 use std::path::Path;
 
 use serde::Serialize;
-use vibes_data::Recording;
+use vibes_data::{EpisodeEntry, Recording};
 
 use super::NewFolder;
 use crate::error::{Error, Result};
@@ -51,6 +51,8 @@ pub struct ExportReport {
     pub rows: u64,
     /// Bytes of all files.
     pub bytes: u64,
+    /// Episodes of no step, which the format cannot hold.
+    pub left_out: usize,
 }
 
 impl ExportFormat {
@@ -89,7 +91,20 @@ pub fn export(
     };
     let bytes = size_of(folder.path())?;
     folder.finish()?;
-    Ok(ExportReport { episodes, rows, bytes })
+    Ok(ExportReport { episodes, rows, bytes, left_out: recording.episodes().len() - episodes })
+}
+
+/// The episodes that have a step: readers of Minari and LeRobot fail on an episode without one.
+///
+/// # Errors
+/// When there is none.
+fn with_steps(recording: &Recording) -> Result<Vec<&EpisodeEntry>> {
+    let episodes: Vec<&EpisodeEntry> = recording.episodes().iter().filter(|entry| entry.steps > 0).collect();
+    if episodes.is_empty() {
+        let expected = "a recording with steps".to_owned();
+        return Err(Error::Selection { fact: "no episode has an action".to_owned(), expected });
+    }
+    Ok(episodes)
 }
 
 /// An enum's name as it is typed.

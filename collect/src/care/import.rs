@@ -13,7 +13,8 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::json;
 use vibes_data::{
-    ActionSpec, CameraPose, Episode, Error as DataError, FORMAT, Manifest, Recording, RecordingWriter, Spec,
+    ActionSpec, CameraPose, Episode, EpisodeInfo, Error as DataError, FORMAT, Manifest, Recording, RecordingWriter,
+    Spec,
 };
 
 use super::NewFolder;
@@ -126,11 +127,34 @@ fn bounds_of(actions: &[f32], dims: usize, bounds: &mut Option<ActionSpec>) {
     }
 }
 
-/// Names the file in an error that knows only the episode.
-fn naming(path: &Path) -> impl Fn(DataError) -> Error {
-    let path = path.to_owned();
-    move |error| match error {
-        DataError::Episode { fact, expected, .. } => Error::malformed(path.clone(), fact, expected),
+/// Writes an episode whose numbers are numbers, every one of those that are learned from.
+///
+/// # Errors
+/// Names the file, the episode and the step.
+fn write_checked(
+    writer: &RecordingWriter,
+    spec: &Spec,
+    episode: &Episode,
+    info: EpisodeInfo,
+    path: &Path,
+) -> Result<()> {
+    let named =
+        |fact: String, expected: String| Error::malformed(path, format!("episode {}: {fact}", episode.index), expected);
+    if let Some(fact) = episode.observation_fault(spec) {
+        return Err(named(fact, "finite numbers".to_owned()));
+    }
+    writer.write(episode, info).map_err(|error| match error {
+        DataError::Episode { fact, expected, .. } => named(fact, expected),
         other => Error::Data(other),
+    })
+}
+
+/// Names the episode in an error about one of its columns.
+fn in_episode(index: u32) -> impl Fn(Error) -> Error {
+    move |error| match error {
+        Error::Malformed { fact, expected, path } => {
+            Error::Malformed { fact: format!("episode {index}: {fact}"), expected, path }
+        }
+        other => other,
     }
 }

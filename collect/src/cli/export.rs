@@ -72,6 +72,9 @@ pub(super) fn run(args: &ExportArgs, output: OutputArgs) -> Result<Outcome> {
     } else if !output.quiet {
         let size = show::bytes(report.bytes);
         println!("{}: {} episodes, {} rows, {size}", args.output.display(), report.episodes, report.rows);
+        if report.left_out > 0 {
+            println!("left out: {} episodes without a step, which the format cannot hold", report.left_out);
+        }
     }
     Ok(Outcome::Done)
 }

@@ -1,12 +1,13 @@
 //! Videos from a folder: `DIR/<video>/<frame>.jpg`, as in DAVIS 2017, whose official train and validation lists are known by name.
 //!
-//! In: a folder. Out: the names of its videos, and a video's frame files in sorted order. A folder without the DAVIS names
-//! is used as it is: all its sub-folders, sorted.
+//! In: a folder. Out: the names of its videos, and a video's frame files in the order people count. A folder without any DAVIS name
+//! is used as it is: all its sub-folders. Helper files of operating systems and editors are no videos and no frames.
 
 use std::path::{Path, PathBuf};
 
-use super::VideoSet;
+use super::{VideoSet, picture};
 use crate::error::{Error, Result};
+use crate::names;
 
 /// The official training list. The suite takes the first 4, 8 or all.
 pub const TRAIN: [&str; 60] = [
@@ -106,58 +107,53 @@ pub const VAL: [&str; 30] = [
     "soapbox",
 ];
 
-/// The videos of `folder`, in the order in which the suite takes them: the official list if the folder has the first video of either list,
-/// else every sub-folder that holds frames, sorted.
+/// The videos of `folder`, in the order in which the suite takes them: the official list if the folder has a video of either official list, else every
+/// sub-folder that holds frames, in the order people count.
+///
+/// # Errors
+/// When the folder cannot be read, or is official and holds none of the videos asked for: those of the other set must not stand in for them.
 pub(super) fn list(folder: &Path, set: VideoSet) -> Result<Vec<String>> {
-    let official: &[&str] = match set {
-        VideoSet::Train => &TRAIN,
-        VideoSet::Val => &VAL,
+    let of = |set: VideoSet| -> Vec<String> {
+        let official: &[&str] = match set {
+            VideoSet::Train => &TRAIN,
+            VideoSet::Val => &VAL,
+        };
+        official.iter().filter(|name| folder.join(name).is_dir()).map(|name| (*name).to_owned()).collect()
     };
-    if folder.join(TRAIN[0]).is_dir() || folder.join(VAL[0]).is_dir() {
-        let present = official.iter().filter(|name| folder.join(name).is_dir());
-        return Ok(present.map(|name| (*name).to_owned()).collect());
+    let (train, val) = (of(VideoSet::Train), of(VideoSet::Val));
+    let (asked, other) = match set {
+        VideoSet::Train => (train, val),
+        VideoSet::Val => (val, train),
+    };
+    if !asked.is_empty() {
+        return Ok(asked);
     }
-    let mut names = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(Error::io("read the videos", folder))? {
-        let entry = entry.map_err(Error::io("read the videos", folder))?;
-        if let (true, Ok(name)) = (entry.path().is_dir(), entry.file_name().into_string()) {
-            names.push(name);
-        }
+    if !other.is_empty() {
+        let fact = format!("no official {set} video of DAVIS, but {} of the other set ({} …)", other.len(), other[0]);
+        let expected = "ask for the other set with --video-set, or give a folder that holds this one";
+        return Err(Error::malformed(folder, fact, expected));
     }
-    names.sort();
-    names.retain(|name| frames(folder, name).is_ok());
-    Ok(names)
+    let folders = names::listed(folder)?.into_iter().filter(|path| path.is_dir());
+    let named = folders.filter_map(|path| path.file_name()?.to_str().map(str::to_owned));
+    Ok(named.filter(|name| frames(folder, name).is_ok()).collect())
 }
 
-/// The frame files of a video, sorted by name.
+/// The frame files of a video, in the order people count: `2.png` before `10.png`.
 pub(super) fn frames(folder: &Path, video: &str) -> Result<Vec<PathBuf>> {
     let path = folder.join(video);
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(&path).map_err(Error::io("read the video", &path))? {
-        let file = entry.map_err(Error::io("read the video", &path))?.path();
+    let mut files = names::listed(&path)?;
+    files.retain(|file| {
         let extension = file.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
-        if matches!(extension.as_deref(), Some("jpg" | "jpeg" | "png")) {
-            files.push(file);
-        }
-    }
+        matches!(extension.as_deref(), Some("jpg" | "jpeg" | "png")) && file.is_file()
+    });
     if files.is_empty() {
         return Err(Error::malformed(path, "a video without frames", "a video is a folder of .jpg or .png files"));
     }
-    files.sort();
     Ok(files)
 }
 
 /// Decodes a frame: RGB, width, height.
 pub(super) fn decode(file: &Path) -> Result<(Vec<u8>, usize, usize)> {
     let bytes = std::fs::read(file).map_err(Error::io("read the frame", file))?;
-    let picture = image::load_from_memory(&bytes)
-        .map_err(|error| {
-            Error::malformed(file, format!("not a readable picture ({error})"), "frames are .jpg or .png files")
-        })?
-        .into_rgb8();
-    let (width, height) = (picture.width() as usize, picture.height() as usize);
-    if width == 0 || height == 0 {
-        return Err(Error::malformed(file, "an empty picture", "frames have at least one pixel"));
-    }
-    Ok((picture.into_raw(), width, height))
+    picture::decode(&bytes).map_err(|fact| Error::malformed(file, fact, "frames are whole .jpg or .png files"))
 }

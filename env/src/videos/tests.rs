@@ -80,7 +80,12 @@ fn davis_is_known_by_name_and_other_folders_are_sorted() {
     let source = VideoSource::Folder(folder.path().to_owned());
     assert_eq!(source.list(VideoSet::Train, None).unwrap(), ["ant", "mole", "zebra"]);
     assert!(source.list(VideoSet::Train, Some(4)).unwrap_err().to_string().contains("3 videos; 4 are needed"));
-    for name in ["boat", "bear", "blackswan", "bike-packing"] {
+    // One official name decides: those of the other set do not stand in for the ones asked for.
+    write_video(folder.path(), "boat", 2);
+    assert_eq!(source.list(VideoSet::Train, None).unwrap(), ["boat"]);
+    let error = source.list(VideoSet::Val, None).unwrap_err().to_string();
+    assert!(error.contains("no official val video") && error.contains("boat"), "{error}");
+    for name in ["bear", "blackswan", "bike-packing"] {
         write_video(folder.path(), name, 2);
     }
     assert_eq!(source.list(VideoSet::Train, None).unwrap(), ["bear", "boat"]);
@@ -106,6 +111,46 @@ fn frames_come_sorted_and_again_from_the_cache() {
         assert!(library.read(BackgroundFrame { video: 0, frame: 5 }, &mut bytes).is_err());
         assert!(library.read(BackgroundFrame { video: 1, frame: 0 }, &mut bytes).is_err());
     }
+}
+
+#[test]
+fn frames_play_in_the_order_people_count_without_helper_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let film = folder.path().join("film");
+    std::fs::create_dir_all(&film).unwrap();
+    for frame in 1..=12_u8 {
+        let picture = image::RgbImage::from_pixel(32, 18, image::Rgb([frame * 10, 100, 200]));
+        picture.save(film.join(format!("{frame}.png"))).unwrap();
+        std::fs::write(film.join(format!("._{frame}.png")), b"resource fork").unwrap();
+    }
+    std::fs::write(film.join("Thumbs.db"), b"thumbs").unwrap();
+    std::fs::create_dir_all(folder.path().join("__MACOSX/film")).unwrap();
+    std::fs::write(folder.path().join("__MACOSX/film/._1.png"), b"resource fork").unwrap();
+    std::fs::write(folder.path().join("__MACOSX/a.png"), b"resource fork").unwrap();
+    let source = VideoSource::Folder(folder.path().to_owned());
+    let names = source.list(VideoSet::Train, None).unwrap();
+    assert_eq!(names, ["film"]);
+    let library = VideoLibrary::open(&source, VideoSet::Train, &names, 100).unwrap();
+    assert_eq!(library.frame_counts(), [12]);
+    let mut bytes = Vec::new();
+    for frame in 0..12 {
+        library.read(BackgroundFrame { video: 0, frame }, &mut bytes).unwrap();
+        assert_eq!(bytes[0], (frame as u8 + 1) * 10, "frame {frame}");
+    }
+}
+
+#[test]
+fn half_a_jpeg_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let film = folder.path().join("film");
+    std::fs::create_dir_all(&film).unwrap();
+    let file = film.join("00000.jpg");
+    image::RgbImage::from_fn(64, 36, |x, y| image::Rgb([x as u8 * 3, y as u8 * 7, 90])).save(&file).unwrap();
+    let whole = std::fs::read(&file).unwrap();
+    std::fs::write(&file, &whole[..whole.len() / 2]).unwrap();
+    let source = VideoSource::Folder(folder.path().to_owned());
+    let error = VideoLibrary::open(&source, VideoSet::Train, &["film".to_owned()], 100).unwrap_err().to_string();
+    assert!(error.contains("cut off") && error.contains("00000.jpg"), "{error}");
 }
 
 #[test]

@@ -20,7 +20,7 @@ use super::columns::parquet_error;
 use super::parquet::properties;
 use super::statistics::Statistics;
 use super::video::Video;
-use super::{Pictures, make_parent, write_json};
+use super::{Pictures, make_parent, with_steps, write_json};
 use crate::error::{Error, Result};
 
 /// Files of a kind in one folder.
@@ -38,7 +38,7 @@ pub(super) fn write(recording: &Recording, pictures: Pictures, out: &Path) -> Re
     let mut videos = Videos::new(spec, pictures, out)?;
     let mut rows: Vec<EpisodeRow> = Vec::new();
     let mut frames = 0;
-    for entry in recording.episodes().iter().filter(|entry| entry.steps > 0) {
+    for entry in with_steps(recording)? {
         let episode = recording.episode(entry.index)?.to_episode();
         episode.check(spec)?;
         let index = rows.len() as i64;
@@ -58,12 +58,6 @@ pub(super) fn write(recording: &Recording, pictures: Pictures, out: &Path) -> Re
     tables.finish()?;
     if let Some(videos) = &mut videos {
         videos.video.finish()?;
-    }
-    if rows.is_empty() {
-        return Err(Error::Selection {
-            fact: "no episode has an action".into(),
-            expected: "a recording with steps".into(),
-        });
     }
     write_episodes(&out.join("meta/episodes/chunk-000/file-000.parquet"), &spec.task, &rows)?;
     write_tasks(&out.join("meta/tasks.parquet"), &spec.task)?;

@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 use vibes_data::{Episode, EpisodeEntry, Recording, Spec};
 
 use super::columns::{arrow_error, field, list, numbers};
-use super::{make_parent, write_json};
+use super::{make_parent, with_steps, write_json};
 use crate::error::Result;
 
 /// The key of the dataset's metadata under which the recording's own header stands.
@@ -40,7 +40,8 @@ pub(super) fn write(recording: &Recording, id: &str, out: &Path) -> Result<(usiz
     let data = out.join("data");
     let spec = &recording.manifest().spec;
     let (mut rows, mut bytes) = (0, 0);
-    for (place, entry) in recording.episodes().iter().enumerate() {
+    let with_steps = with_steps(recording)?;
+    for (place, &entry) in with_steps.iter().enumerate() {
         let episode = recording.episode(entry.index)?.to_episode();
         episode.check(spec)?;
         let path = data.join(place.to_string()).join("part-0.arrow");
@@ -51,8 +52,8 @@ pub(super) fn write(recording: &Recording, id: &str, out: &Path) -> Result<(usiz
         bytes += path.metadata().map_or(0, |file| file.len());
         write_json(&path.with_file_name("metadata.json"), &episode_metadata(place, entry, &episode))?;
     }
-    write_json(&data.join("metadata.json"), &metadata(recording, id, bytes))?;
-    Ok((recording.episodes().len(), rows))
+    write_json(&data.join("metadata.json"), &metadata(recording, &with_steps, id, bytes))?;
+    Ok((with_steps.len(), rows))
 }
 
 fn write_table(path: &Path, table: &RecordBatch) -> Result<()> {
@@ -153,13 +154,13 @@ fn episode_metadata(place: usize, entry: &EpisodeEntry, episode: &Episode) -> Va
     })
 }
 
-fn metadata(recording: &Recording, id: &str, bytes: u64) -> Value {
+fn metadata(recording: &Recording, episodes: &[&EpisodeEntry], id: &str, bytes: u64) -> Value {
     let manifest = recording.manifest();
-    let policies: std::collections::BTreeSet<&str> = recording.episodes().iter().map(|e| e.policy.as_str()).collect();
-    let steps: u64 = recording.episodes().iter().map(|entry| u64::from(entry.steps)).sum();
+    let policies: std::collections::BTreeSet<&str> = episodes.iter().map(|e| e.policy.as_str()).collect();
+    let steps: u64 = episodes.iter().map(|entry| u64::from(entry.steps)).sum();
     json!({
         "dataset_id": id,
-        "total_episodes": recording.episodes().len(),
+        "total_episodes": episodes.len(),
         "total_steps": steps,
         "data_format": "arrow",
         "jpeg_encoding": false,

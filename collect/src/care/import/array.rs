@@ -3,6 +3,7 @@
 /// The kinds of number that datasets are made of, little-endian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
+    F16,
     F32,
     F64,
     I8,
@@ -22,15 +23,33 @@ impl Kind {
     pub(super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 | Self::Bool => 1,
-            Self::I16 | Self::U16 => 2,
+            Self::F16 | Self::I16 | Self::U16 => 2,
             Self::F32 | Self::I32 | Self::U32 => 4,
             Self::F64 | Self::I64 | Self::U64 => 8,
         }
     }
 
+    /// Its name in NumPy.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::F16 => "float16",
+            Self::F32 => "float32",
+            Self::F64 => "float64",
+            Self::I8 => "int8",
+            Self::I16 => "int16",
+            Self::I32 => "int32",
+            Self::I64 => "int64",
+            Self::U8 => "uint8",
+            Self::U16 => "uint16",
+            Self::U32 => "uint32",
+            Self::U64 => "uint64",
+            Self::Bool => "bool",
+        }
+    }
+
     /// Whether it has a fraction.
     pub(super) fn is_float(self) -> bool {
-        matches!(self, Self::F32 | Self::F64)
+        matches!(self, Self::F16 | Self::F32 | Self::F64)
     }
 }
 
@@ -91,6 +110,7 @@ fn number(kind: Kind, bytes: &[u8]) -> f64 {
         ((whole << shift) as i64 >> shift) as f64
     };
     match kind {
+        Kind::F16 => half::f16::from_bits(whole as u16).to_f64(),
         Kind::F32 => f64::from(f32::from_bits(whole as u32)),
         Kind::F64 => f64::from_bits(whole),
         Kind::I8 | Kind::I16 | Kind::I32 | Kind::I64 => signed(),
@@ -105,6 +125,7 @@ mod tests {
     #[test]
     fn every_kind_is_read() {
         let read = |kind: Kind, bytes: &[u8]| Array::new(kind, vec![1], bytes.to_vec()).unwrap().doubles(0, 1)[0];
+        assert_eq!(read(Kind::F16, &half::f16::from_f32(0.1).to_le_bytes()), 0.0999755859375);
         assert_eq!(read(Kind::F32, &(-1.5_f32).to_le_bytes()), -1.5);
         assert_eq!(read(Kind::F64, &2.25_f64.to_le_bytes()), 2.25);
         assert_eq!(read(Kind::I16, &(-300_i16).to_le_bytes()), -300.0);

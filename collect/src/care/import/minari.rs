@@ -20,7 +20,9 @@ use vibes_data::{
 use self::spaces::{Leaf, LeafKind, Space};
 use self::store::{EpisodeStore, Store};
 use super::array::Array;
-use super::{ImportFormat, ImportOptions, ImportReport, begin, bounds_of, naming, without_distractors};
+use super::{
+    ImportFormat, ImportOptions, ImportReport, begin, bounds_of, in_episode, without_distractors, write_checked,
+};
 use crate::error::{Error, Result};
 
 /// What is read of a dataset's metadata.
@@ -70,11 +72,16 @@ struct Dataset {
 pub(super) fn read(source: &Path, options: &ImportOptions, out: &Path) -> Result<ImportReport> {
     let dataset = Dataset::open(source)?;
     let mut report = ImportReport { ignored: dataset.ignored(), ..ImportReport::default() };
-    let writer = dataset.begin(options, out)?;
+    let (writer, spec) = dataset.begin(options, out)?;
     let policy = dataset.metadata.algorithm_name.clone().filter(|name| !name.is_empty());
     for place in 0..dataset.metadata.total_episodes {
-        let (episode, info) = dataset.episode(place, policy.as_deref().unwrap_or("imported"))?;
-        writer.write(&episode, info).map_err(naming(&dataset.store.path(place)))?;
+        let read = dataset.episode(place, policy.as_deref().unwrap_or("imported"));
+        let (episode, info) = read.map_err(in_episode(place))?;
+        match &dataset.metadata.vibes {
+            // What a recording held is what it gets back.
+            Some(_) => writer.write(&episode, info)?,
+            None => write_checked(&writer, &spec, &episode, info, &dataset.store.path(place))?,
+        }
         report.episodes += 1;
         report.rows += episode.rows() as u64;
     }
@@ -151,12 +158,13 @@ impl Dataset {
         self.observations.iter().filter(|leaf| matches!(leaf.kind, LeafKind::Numbers { .. } | LeafKind::OneHot { .. }))
     }
 
-    fn begin(&self, options: &ImportOptions, out: &Path) -> Result<RecordingWriter> {
+    fn begin(&self, options: &ImportOptions, out: &Path) -> Result<(RecordingWriter, Spec)> {
         let name = self.name();
         if let Some(Header { spec, options: asked, seed, versions, grid, videos }) = &self.metadata.vibes {
+            let spec = self.checked(spec.clone())?;
             let manifest = Manifest {
                 format: FORMAT.into(),
-                spec: self.checked(spec.clone())?,
+                spec: spec.clone(),
                 options: asked.clone(),
                 seed: *seed,
                 versions: versions.clone(),
@@ -164,7 +172,7 @@ impl Dataset {
                 videos: videos.clone(),
                 episodes: Vec::new(),
             };
-            return Ok(RecordingWriter::create_or_resume(out, manifest, options.with_mcap)?);
+            return Ok((RecordingWriter::create_or_resume(out, manifest, options.with_mcap)?, spec));
         }
         let bounds = self.bounds()?;
         let spec = self.checked(Spec {
@@ -172,7 +180,8 @@ impl Dataset {
             observation: self.vectors().map(|leaf| ObservationPart { name: leaf.name(), len: leaf.len() }).collect(),
             ..options.spec(&name, bounds)
         })?;
-        begin(spec, ImportFormat::Minari, &name, out, options.with_mcap)
+        let writer = begin(spec.clone(), ImportFormat::Minari, &name, out, options.with_mcap)?;
+        Ok((writer, spec))
     }
 
     fn checked(&self, spec: Spec) -> Result<Spec> {
@@ -189,7 +198,8 @@ impl Dataset {
         }
         let mut bounds = None;
         for place in 0..self.metadata.total_episodes {
-            let actions = self.store.episode(place)?.array(&self.action.path)?;
+            let actions = self.store.episode(place).and_then(|episode| episode.array(&self.action.path));
+            let actions = actions.map_err(in_episode(place))?;
             bounds_of(&actions.singles(0, actions.rows()), actions.width(), &mut bounds);
         }
         let len = self.action.len();

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 
 use super::array::Array;
-use super::npy;
+use super::npy::{self, Refusal};
 use crate::error::{Error, Result};
 
 /// Deflate makes at most this many bytes of one; a larger array is a lie, whatever its header says.
@@ -38,11 +38,31 @@ impl Npz {
 
     /// One array; none when the file does not have it.
     pub(super) fn array(&mut self, name: &str) -> Result<Option<Array>> {
+        match self.read(name)? {
+            None => Ok(None),
+            Some(Ok(array)) => Ok(Some(array)),
+            Some(Err(fact)) => {
+                Err(Error::malformed(&*self.path, format!("{name}: {fact}"), "an array of numbers for each of these"))
+            }
+        }
+    }
+
+    /// One array that can be done without; none when the file does not have it or it holds no numbers.
+    pub(super) fn optional(&mut self, name: &str) -> Result<Option<Array>> {
+        Ok(self.read(name)?.and_then(std::result::Result::ok))
+    }
+
+    /// One array, or of what other type it is.
+    fn read(&mut self, name: &str) -> Result<Option<std::result::Result<Array, String>>> {
         let Some(index) = self.archive.index_for_name(&format!("{name}.npy")) else { return Ok(None) };
         let broken = |fact: String| Error::malformed(&*self.path, format!("{name}: {fact}"), "a whole .npz file");
         let member = self.archive.by_index(index).map_err(|error| broken(error.to_string()))?;
         let most = member.compressed_size().saturating_mul(DEFLATE_AT_MOST).min(member.size());
-        npy::read(member, most).map(Some).map_err(broken)
+        match npy::read(member, most) {
+            Ok(array) => Ok(Some(Ok(array))),
+            Err(Refusal::OtherType(fact)) => Ok(Some(Err(fact))),
+            Err(Refusal::Damaged(fact)) => Err(broken(fact)),
+        }
     }
 
     /// One array that must be there.

@@ -7,13 +7,14 @@ use std::path::{Path, PathBuf};
 
 use arrow::array::{Array as _, ArrayRef, ArrowPrimitiveType, AsArray, RecordBatch};
 use arrow::datatypes::{
-    DataType, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, UInt8Type, UInt16Type, UInt32Type,
-    UInt64Type,
+    DataType, Float16Type, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, UInt8Type, UInt16Type,
+    UInt32Type, UInt64Type,
 };
-use hdf5_pure::{AttrValue, DType};
+use hdf5_pure::{AttrValue, DType, Datatype, DatatypeByteOrder};
 use image::ImageReader;
 use serde_json::{Value, json};
 use vibes_data::{ImageSize, read_table};
+use vibes_env::videos::picture::is_whole_jpeg;
 
 use super::super::array::{Array, Kind};
 use crate::error::{Error, Result};
@@ -99,6 +100,9 @@ impl EpisodeStore {
         match self {
             Self::Arrow { table, .. } => {
                 let column = column(table, names).ok_or_else(|| refused(format!("no column {name}")))?;
+                if column.null_count() > 0 {
+                    return Err(refused(format!("{} missing values in {name}", column.null_count())));
+                }
                 from_arrow(&column).ok_or_else(|| refused(format!("{name} of type {}", column.data_type())))
             }
             Self::Hdf5 { group, bytes, path } => {
@@ -121,7 +125,16 @@ impl EpisodeStore {
             return Ok(decoded.map_err(|fact| refused(format!("{name}: {fact}")))?.concat());
         }
         let array = self.array(names)?;
-        if array.kind != Kind::U8 || array.rows() < rows || array.width() != size.bytes() {
+        if array.kind != Kind::U8 {
+            return Err(refused(format!("{name} is {}, not uint8", array.kind.name())));
+        }
+        // JPEGs of one length become a table of bytes.
+        if array.shape.len() == 2 && array.width() != size.bytes() && array.rows() >= rows {
+            let decoded: std::result::Result<Vec<Vec<u8>>, String> =
+                (0..rows).map(|row| jpeg(array.bytes(row, row + 1), size)).collect();
+            return Ok(decoded.map_err(|fact| refused(format!("{name}: {fact}")))?.concat());
+        }
+        if array.rows() < rows || array.width() != size.bytes() {
             return Err(refused(format!("{name} of shape {:?}", array.shape)));
         }
         Ok(array.bytes(0, rows).to_vec())
@@ -171,6 +184,7 @@ fn from_arrow(column: &ArrayRef) -> Option<Array> {
         column.as_primitive::<T>().values().inner().as_slice().to_vec()
     }
     let (kind, data) = match column.data_type() {
+        DataType::Float16 => (Kind::F16, bytes::<Float16Type>(column)),
         DataType::Float32 => (Kind::F32, bytes::<Float32Type>(column)),
         DataType::Float64 => (Kind::F64, bytes::<Float64Type>(column)),
         DataType::Int8 => (Kind::I8, bytes::<Int8Type>(column)),
@@ -221,15 +235,35 @@ fn from_hdf5(dataset: &hdf5_pure::Dataset, file_bytes: u64) -> std::result::Resu
         DType::U64 => (Kind::U64, all(dataset.read_u64().map_err(text)?, u64::to_le_bytes)),
         // NumPy's bool is stored as the enumeration FALSE, TRUE.
         DType::Enum(_) if element == 1 => (Kind::Bool, dataset.read_raw().map_err(text)?),
-        other => {
-            let advice = "pictures as JPEGs of different lengths cannot be read from HDF5; save the dataset with jpeg_encoding=False";
-            return Err(format!("type {other}; {advice}"));
+        // The only float of two bytes that NumPy writes.
+        DType::Other(other) if element == 2 && float_order(&other).is_some() => {
+            let mut data = dataset.read_raw().map_err(text)?;
+            if float_order(&other) == Some(DatatypeByteOrder::BigEndian) {
+                data.chunks_exact_mut(2).for_each(<[u8]>::reverse);
+            }
+            (Kind::F16, data)
         }
+        DType::Other(other) if matches!(*other, Datatype::VariableLength { .. }) => {
+            let advice = "pictures as JPEGs of different lengths cannot be read from HDF5; save the dataset with jpeg_encoding=False";
+            return Err(format!("rows of different lengths; {advice}"));
+        }
+        other => return Err(format!("type {other}; float16, float32, float64, integers and bool are read")),
     };
     Array::new(kind, shape.clone(), data).ok_or_else(|| format!("fewer numbers than its shape {shape:?}"))
 }
 
+/// The order of a float's bytes; none for another type.
+fn float_order(of: &Datatype) -> Option<DatatypeByteOrder> {
+    match of {
+        Datatype::FloatingPoint { byte_order, .. } => Some(*byte_order),
+        _ => None,
+    }
+}
+
 fn jpeg(file: &[u8], size: ImageSize) -> std::result::Result<Vec<u8>, String> {
+    if !is_whole_jpeg(file) {
+        return Err("a JPEG that is cut off, or none".into());
+    }
     let mut reader = ImageReader::with_format(std::io::Cursor::new(file), image::ImageFormat::Jpeg);
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(size.width);
