@@ -52,7 +52,7 @@ pub fn environment_of_spec(spec: &Spec) -> Result<Environment> {
     if environment.action_len() == spec.action_len() {
         return Ok(environment);
     }
-    Environment::new(&spec.task, EnvironmentOptions { raw_torques: true, ..options })
+    Ok(Environment::new(&spec.task, EnvironmentOptions { raw_torques: true, ..options })?)
 }
 
 /// Simulates an episode again from its first row and its actions.

@@ -111,7 +111,7 @@ impl<'a> Studio<'a> {
         let Some(renderer) = &mut self.renderer else { return Ok(()) };
         environment.reset_to(&trajectory.start)?;
         renderer.set_model(environment.physics().model())?;
-        renderer.begin_episode(&trajectory.qpos[0])
+        Ok(renderer.begin_episode(&trajectory.qpos[0])?)
     }
 
     /// Everything seen at one row.

@@ -98,7 +98,7 @@ pub(super) fn parse(text: &str) -> Parsed<DistractorTrace> {
     let start = &file.camera_start;
     Ok(DistractorTrace {
         path: PathBuf::new(),
-        difficulty: file.difficulty.parse().map_err(|error: crate::Error| error.to_string())?,
+        difficulty: file.difficulty.parse().map_err(|error: vibes_env::Error| error.to_string())?,
         camera_bounds: [start.r_bounds, start.h_bounds, start.v_bounds, start.roll_bounds],
         velocity_scaling: start.vel_scaling,
         camera_reset: reset,
