@@ -10,7 +10,7 @@ use super::*;
 const TOLERANCE: f32 = 1e-5;
 
 fn golden() -> Json {
-    serde_json::from_str(include_str!("../../tests/golden/objective.json")).expect("golden file")
+    serde_json::from_str(include_str!("../../../tests/golden/objective.json")).expect("golden file")
 }
 
 fn flatten(json: &Json, out: &mut Vec<f32>) {
