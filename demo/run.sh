@@ -42,7 +42,7 @@ read -r updates verdict < <(
 import json, sys
 decode, text = json.JSONDecoder(), sys.stdin.read()
 info, end = decode.raw_decode(text)
-state = decode.raw_decode(text[end:].lstrip())[0]["report"]["shares"]["state"]
+state = decode.raw_decode(text[end:].lstrip())[0]["report"]["numbers"]["state_share"]["estimate"]
 print(info["last"]["update"], "it sees the pole, and little else yet" if state >= 0.8 else "barely trained")'
 )
 note="$updates updates from nothing in $minutes minutes: $verdict"

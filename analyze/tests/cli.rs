@@ -325,15 +325,15 @@ fn the_numbers_of_a_known_latent_are_right() {
     let out = folder();
     good(GRID.path(), &["invariance", "-o", text(out.path())]);
     let numbers = json(&out.path().join("invariance.json"));
-    let share = |what: &str| numbers["variance"][what]["estimate"].as_f64().expect("share");
+    let share = |what: &str| numbers["numbers"][what]["estimate"].as_f64().expect("share");
     // The latent is the state on a circle of radius 1 and a tenth of the distractor's sine.
-    assert!(share("state") > 0.97 && share("distractor") < 0.03, "{numbers}");
-    assert!(numbers["retrieval"][0]["found"]["estimate"].as_f64().expect("found") > 0.9);
+    assert!(share("state_share") > 0.97 && share("distractor_share") < 0.03, "{numbers}");
+    assert!(share("retrieval_any_step@1") > 0.9 && share("retrieval_same_step@1") > 0.99);
     good(GRID.path(), &["probe", "-o", text(out.path())]);
     let probes = json(&out.path().join("probes.json"));
     let score = |source: &str, quantity: &str| {
         let all = probes[source].as_array().expect("scores").iter();
-        all.filter(|s| s["quantity"] == quantity && s["probe"] == "ridge")
+        all.filter(|s| s["quantity"] == quantity && s["probe"] == "linear")
             .find_map(|s| s["score"]["estimate"].as_f64())
             .expect("score")
     };

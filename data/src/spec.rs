@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::Quantity;
+
 /// The shape of a recording's episodes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spec {
@@ -23,6 +25,9 @@ pub struct Spec {
     pub control_timestep: f64,
     /// Control steps per agent step; a row of a recording is an agent step.
     pub action_repeat: u32,
+    /// What the task's numbers are called, and numbers that follow from them; none where nobody said.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub quantities: Vec<Quantity>,
 }
 
 /// The task's own action bounds, one number per dimension.
@@ -112,6 +117,10 @@ impl Spec {
         }
         if largest.max(self.action_len()).max(self.observation.len()) > LARGEST {
             return Some(format!("a column of {largest} numbers a row"));
+        }
+        let sizes = (whole, self.qpos, self.qvel);
+        if let Some(quantity) = self.quantities.iter().find(|q| !q.formula.fits(sizes.0, sizes.1, sizes.2)) {
+            return Some(format!("the quantity {:?} of a number that no column has", quantity.name));
         }
         let clock = self.agent_timestep();
         (!clock.is_finite() || clock <= 0.0).then(|| format!("a timestep of {clock} s"))

@@ -5,7 +5,7 @@
 
 use rand::RngCore;
 use serde::{Deserialize, Serialize};
-use vibes_data::{ActionSpec, ObservationPart};
+use vibes_data::{ActionSpec, ObservationPart, Quantity};
 
 use crate::distractors::Scenery;
 use crate::physics::{Physics, Snapshot, Start};
@@ -81,6 +81,11 @@ impl Environment {
     /// The observation's parts, in `dm_control`'s order.
     pub fn observation_spec(&self) -> Vec<ObservationPart> {
         self.task.observation(&self.physics)
+    }
+
+    /// The task's numbers by name.
+    pub fn quantities(&self) -> Vec<Quantity> {
+        self.task.quantities(&self.physics)
     }
 
     /// Seconds of a control step.

@@ -21,7 +21,7 @@ mod walker;
 use std::fmt::Debug;
 
 use rand::RngCore;
-use vibes_data::ObservationPart;
+use vibes_data::{About, Formula, ObservationPart, Quantity};
 
 pub use known_slide::{KNOWN_SLIDE, known_reward};
 pub use planning::PlannerSettings;
@@ -39,6 +39,9 @@ pub const EPISODE_CONTROL_STEPS: u32 = 1000;
 pub trait Task: Debug + Send + Sync {
     /// The names and lengths of the observation's parts, in `dm_control`'s order.
     fn observation(&self, physics: &Physics) -> Vec<ObservationPart>;
+
+    /// The task's numbers under names that a reader understands, as formulas of what a recording holds.
+    fn quantities(&self, physics: &Physics) -> Vec<Quantity>;
 
     /// What the task changes in the model for every episode alike.
     fn constants(&self) -> ModelOverrides {
@@ -138,6 +141,16 @@ pub(crate) fn load(name: &str) -> Result<Loaded> {
     let known = TASKS.iter().chain([&known_slide::TASK]);
     let mut loaded = known.filter_map(|task| (task.load)(name));
     loaded.next().unwrap_or_else(|| Err(Error::UnknownTask { name: name.to_owned(), known: task_help() }))
+}
+
+/// A number that the task is about.
+fn quantity(name: impl Into<String>, formula: Formula) -> Quantity {
+    Quantity { name: name.into(), about: About::Task, formula }
+}
+
+/// The first numbers of the observation, by name.
+fn observed<'n>(names: impl IntoIterator<Item = &'n str>) -> Vec<Quantity> {
+    names.into_iter().enumerate().map(|(at, name)| quantity(name, Formula::Observation(at))).collect()
 }
 
 /// A part of an observation.

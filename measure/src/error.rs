@@ -38,6 +38,14 @@ pub enum Error {
         /// The value found.
         value: f64,
     },
+    /// A return holds NaN or infinity.
+    #[error("the return of episode {episode} is {value}, every return must be finite")]
+    ReturnNotFinite {
+        /// Which of the returns.
+        episode: usize,
+        /// The value found.
+        value: f64,
+    },
     /// No rows, or fewer than the computation needs.
     #[error("{what}: found {found}, at least {needed} needed")]
     TooFewRows {

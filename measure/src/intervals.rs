@@ -1,6 +1,10 @@
 //! How sure a number is: bootstrap intervals over trajectories, Student intervals over runs, and a jackknife for shares of a grid's variance.
 //!
-//! Rows of one trajectory are not independent, so trajectories are what is drawn again or left out, never rows.
+//! Rows of one trajectory are not independent, so trajectories are what is drawn again or left out, never rows. On a grid there are two kinds of them, and
+//! a number must hold for other states *and* for other distractors: both are drawn again, each with replacement, and a cell counts as often as its state
+//! was drawn times as often as its distractor was ([`Trajectories`]; the pigeonhole bootstrap of Owen, 2007, which errs to the side of wide intervals).
+//! That serves means and ratios of means. A bootstrap will not do for shares of variance: a grid that holds a trajectory twice varies less, so that its
+//! shares lie beside the estimate; there each trajectory of either kind is left out in turn ([`crossed`]).
 
 use rand::Rng;
 use rayon::prelude::*;
@@ -26,17 +30,112 @@ pub fn bootstrap(groups: usize, rng: &mut impl Rng, statistic: impl Fn(&[f64]) -
     if groups < 2 {
         return Interval { estimate, low: f64::NAN, high: f64::NAN };
     }
-    let draws: Vec<Vec<f64>> = (0..RESAMPLES)
-        .map(|_| {
-            let mut counts = vec![0.0; groups];
-            (0..groups).for_each(|_| counts[rng.random_range(0..groups)] += 1.0);
-            counts
-        })
-        .collect();
+    let draws: Vec<Vec<f64>> = (0..RESAMPLES).map(|_| drawn_again(groups, rng)).collect();
+    percentiles(estimate, &draws, statistic)
+}
+
+/// How often each of `count` things was drawn in `count` draws with replacement.
+fn drawn_again(count: usize, rng: &mut impl Rng) -> Vec<f64> {
+    let mut counts = vec![0.0; count];
+    (0..count).for_each(|_| counts[rng.random_range(0..count)] += 1.0);
+    counts
+}
+
+fn percentiles(estimate: f64, draws: &[Vec<f64>], statistic: impl Fn(&[f64]) -> f64 + Sync) -> Interval {
     let mut values: Vec<f64> =
         draws.par_iter().map(|counts| statistic(counts)).filter(|value| value.is_finite()).collect();
     values.sort_unstable_by(f64::total_cmp);
     Interval { estimate, low: percentile(&values, 0.025), high: percentile(&values, 0.975) }
+}
+
+/// What is drawn again for an interval: the cells of a grid by state and by distractor, or episodes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Trajectories {
+    /// The cell or episode of each row, `[rows]`.
+    unit: Vec<u32>,
+    /// The state trajectory of each cell (an episode outside the grid is one of its own), `[units]`.
+    state: Vec<u32>,
+    /// The distractor trajectory of each cell, if it has one, `[units]`.
+    distractor: Vec<Option<u32>>,
+    states: usize,
+    distractors: usize,
+}
+
+impl Trajectories {
+    /// From the trajectories of every row: the label of its state trajectory or episode, and that of its distractor trajectory, if it lies on a grid.
+    #[must_use]
+    pub fn new(rows: &[((u8, u32), Option<u32>)]) -> Self {
+        let mut units = rows.to_vec();
+        units.sort_unstable();
+        units.dedup();
+        let unit = rows.iter().map(|row| units.partition_point(|unit| unit < row) as u32).collect();
+        let mut states: Vec<(u8, u32)> = units.iter().map(|unit| unit.0).collect();
+        states.dedup();
+        let mut distractors: Vec<u32> = units.iter().filter_map(|unit| unit.1).collect();
+        distractors.sort_unstable();
+        distractors.dedup();
+        let state = |unit: &((u8, u32), _)| states.partition_point(|state| *state < unit.0) as u32;
+        let distractor =
+            |unit: &(_, Option<u32>)| unit.1.map(|own| distractors.partition_point(|other| *other < own) as u32);
+        Self {
+            unit,
+            state: units.iter().map(state).collect(),
+            distractor: units.iter().map(distractor).collect(),
+            states: states.len(),
+            distractors: distractors.len(),
+        }
+    }
+
+    /// The cell or episode of a row, numbered from 0.
+    #[must_use]
+    pub fn unit(&self, row: usize) -> usize {
+        self.unit[row] as usize
+    }
+
+    /// How many cells or episodes there are.
+    #[must_use]
+    pub fn units(&self) -> usize {
+        self.state.len()
+    }
+
+    /// A percentile bootstrap over state and distractor trajectories: `statistic` gets how often each unit was drawn, `[units]` (all ones for the
+    /// estimate itself). A kind of which there is only one is not drawn; no interval if there is only one of both.
+    pub fn bootstrap(&self, rng: &mut impl Rng, statistic: impl Fn(&[f64]) -> f64 + Sync) -> Interval {
+        let estimate = statistic(&vec![1.0; self.units()]);
+        if self.states < 2 && self.distractors < 2 {
+            return Interval { estimate, low: f64::NAN, high: f64::NAN };
+        }
+        let draws: Vec<Vec<f64>> = (0..RESAMPLES)
+            .map(|_| {
+                let [states, distractors] = [self.states, self.distractors]
+                    .map(|count| if count < 2 { vec![1.0; count] } else { drawn_again(count, rng) });
+                let weight = |(state, distractor): (&u32, &Option<u32>)| {
+                    states[*state as usize] * distractor.map_or(1.0, |own| distractors[own as usize])
+                };
+                self.state.iter().zip(&self.distractor).map(weight).collect()
+            })
+            .collect();
+        percentiles(estimate, &draws, statistic)
+    }
+
+    /// The interval of a mean over rows: `values` `[rows]` of these `rows`.
+    pub fn mean(&self, rows: &[usize], values: &[f64], rng: &mut impl Rng) -> Interval {
+        let ones = vec![1.0; values.len()];
+        self.ratio(rows, values, &ones, rng)
+    }
+
+    /// The interval of a ratio of sums over rows, `Σ above / Σ below`.
+    pub fn ratio(&self, rows: &[usize], above: &[f64], below: &[f64], rng: &mut impl Rng) -> Interval {
+        let mut sums = vec![(0.0, 0.0); self.units()];
+        for ((&row, above), below) in rows.iter().zip(above).zip(below) {
+            let sum = &mut sums[self.unit(row)];
+            *sum = (sum.0 + above, sum.1 + below);
+        }
+        self.bootstrap(rng, |weights| {
+            let total = |of: fn(&(f64, f64)) -> f64| weights.iter().zip(&sums).map(|(w, sum)| w * of(sum)).sum::<f64>();
+            total(|sum| sum.0) / total(|sum| sum.1)
+        })
+    }
 }
 
 /// A percentile of sorted values, linear between them; NaN of none.
@@ -63,23 +162,48 @@ pub fn student(values: &[f64]) -> Interval {
     Interval { estimate, low: estimate - half, high: estimate + half }
 }
 
-/// The 95% interval of a share of variance between 0 and 1 that depends on two crossed kinds of trajectories, from its values `without` each
-/// trajectory of either kind: the jackknife, on the scale `ln(p / (1 - p))` so that the ends stay between 0 and 1.
-///
-/// Both kinds are taken as drawn at random, so their variances add up; degrees of freedom after Satterthwaite. A bootstrap will not do here: a grid
-/// that holds a trajectory twice varies less, and its shares lie beside the estimate. No interval with fewer than three of a kind.
-#[must_use]
-pub fn crossed_share(estimate: f64, without: [&[f64]; 2]) -> Interval {
+/// A number that is no mean: how it is spread out so that its interval stays within its range.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Range {
+    /// A share between 0 and 1, on the scale `ln(p / (1 - p))`.
+    Share,
+    /// A number above 0, on the scale `ln x`.
+    Positive,
+}
+
+impl Range {
     const EDGE: f64 = 1e-12;
-    let logit = |share: f64| {
-        let share = share.clamp(EDGE, 1.0 - EDGE);
-        (share / (1.0 - share)).ln()
-    };
+
+    fn spread(self, value: f64) -> f64 {
+        match self {
+            Self::Share => {
+                let share = value.clamp(Self::EDGE, 1.0 - Self::EDGE);
+                (share / (1.0 - share)).ln()
+            }
+            Self::Positive => value.max(Self::EDGE).ln(),
+        }
+    }
+
+    fn back(self, spread: f64) -> f64 {
+        match self {
+            Self::Share => 1.0 / (1.0 + (-spread).exp()),
+            Self::Positive => spread.exp(),
+        }
+    }
+}
+
+/// The 95% interval of a number that depends on two crossed kinds of trajectories, from its values `without` each trajectory of either kind: the jackknife,
+/// on a scale that keeps the ends within the number's range.
+///
+/// Both kinds are taken as drawn at random, so their variances add up; degrees of freedom after Satterthwaite. A bootstrap will not do for shares of
+/// variance and spectra: a grid that holds a trajectory twice varies less, and its numbers lie beside the estimate. No interval with fewer than three of a kind.
+#[must_use]
+pub fn crossed(estimate: f64, without: [&[f64]; 2], range: Range) -> Interval {
     if without.iter().any(|values| values.len() < 3) || !estimate.is_finite() {
         return Interval { estimate, low: f64::NAN, high: f64::NAN };
     }
     let variance = without.map(|values| {
-        let (count, values) = (values.len() as f64, values.iter().map(|&share| logit(share)).collect::<Vec<_>>());
+        let (count, values) = (values.len() as f64, values.iter().map(|&x| range.spread(x)).collect::<Vec<_>>());
         let mean = values.iter().sum::<f64>() / count;
         (count - 1.0) / count * values.iter().map(|x| (x - mean).powi(2)).sum::<f64>()
     });
@@ -87,11 +211,10 @@ pub fn crossed_share(estimate: f64, without: [&[f64]; 2]) -> Interval {
     let doubt: f64 = variance.iter().zip(without).map(|(v, values)| v * v / (values.len() as f64 - 1.0)).sum();
     let freedom = if doubt > 0.0 { (total * total / doubt).floor().max(1.0) } else { 1.0 };
     let half = if total > 0.0 { t_quantile(freedom as usize) * total.sqrt() } else { 0.0 };
-    let share = |logit: f64| 1.0 / (1.0 + (-logit).exp());
     Interval {
         estimate,
-        low: share(logit(estimate) - half).min(estimate),
-        high: share(logit(estimate) + half).max(estimate),
+        low: range.back(range.spread(estimate) - half).min(estimate),
+        high: range.back(range.spread(estimate) + half).max(estimate),
     }
 }
 
@@ -112,7 +235,9 @@ mod tests {
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
-    use super::{bootstrap, percentile, student};
+    use rand::Rng;
+
+    use super::{Range, Trajectories, bootstrap, crossed, percentile, student};
 
     #[test]
     fn student_intervals_are_the_textbook_ones() {
@@ -143,5 +268,51 @@ mod tests {
         let expected = 2.0 * 1.96 * (8.25_f64 / 200.0).sqrt();
         assert!((interval.estimate - 4.5).abs() < 1e-12);
         assert!(((interval.high - interval.low) / expected - 1.0).abs() < 0.1, "{interval:?} {expected}");
+    }
+
+    fn grid(states: u32, distractors: u32) -> (Trajectories, Vec<usize>) {
+        let cells: Vec<_> = (0..states).flat_map(|i| (0..distractors).map(move |j| ((0, i), Some(j)))).collect();
+        (Trajectories::new(&cells), (0..cells.len()).collect())
+    }
+
+    /// A mean over a grid whose values are a state effect plus a distractor effect has the variance `σ_s² / n + σ_d² / m`; an interval over states
+    /// alone would not hold it.
+    #[test]
+    fn intervals_over_states_and_distractors_hold_the_mean_about_as_often_as_they_say() {
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        let (trajectories, rows) = grid(12, 10);
+        let (mut held, mut held_by_states) = (0, 0);
+        for _ in 0..100 {
+            let mut normal = || (0..12).map(|_| rng.random_range(-0.5..0.5)).sum::<f64>();
+            let (state, distractor): (Vec<f64>, Vec<f64>) =
+                ((0..12).map(|_| normal()).collect(), (0..10).map(|_| normal()).collect());
+            let values: Vec<f64> = (0..120).map(|at| state[at / 10] + distractor[at % 10]).collect();
+            let found = trajectories.mean(&rows, &values, &mut rng);
+            held += usize::from(found.low <= 0.0 && 0.0 <= found.high);
+            let of_states = bootstrap(12, &mut rng, |counts| {
+                values.iter().enumerate().map(|(at, x)| counts[at / 10] * x).sum::<f64>() / 120.0
+            });
+            held_by_states += usize::from(of_states.low <= 0.0 && 0.0 <= of_states.high);
+        }
+        assert!(held >= 84 && held_by_states < held, "{held} and {held_by_states} of 100");
+    }
+
+    #[test]
+    fn one_of_a_kind_is_not_drawn_and_one_of_both_has_no_interval() {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let (column, rows) = grid(6, 1);
+        let found = column.mean(&rows, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0], &mut rng);
+        assert!(found.low < 2.5 && found.high > 2.5);
+        let (cell, rows) = grid(1, 1);
+        assert!(cell.mean(&rows, &[1.0], &mut rng).low.is_nan());
+        let episodes = Trajectories::new(&[((1, 7), None), ((1, 7), None), ((1, 9), None)]);
+        assert_eq!((episodes.units(), episodes.unit(2)), (2, 1));
+        assert_eq!(episodes.ratio(&[0, 1, 2], &[1.0, 2.0, 3.0], &[1.0, 1.0, 2.0], &mut rng).estimate, 1.5);
+    }
+
+    #[test]
+    fn a_share_that_no_trajectory_changes_is_certain() {
+        let found = crossed(0.25, [&[0.25; 5], &[0.25; 4]], Range::Share);
+        assert!((found.low - 0.25).abs() < 1e-12 && (found.high - 0.25).abs() < 1e-12, "{found:?}");
     }
 }

@@ -7,6 +7,7 @@
 //! `k` nearest once its rounding error is allowed for; their distances are then computed in double precision from the
 //! table's own values. So the answer is exact, and does not depend on the machine or the number of threads.
 
+mod ranks;
 mod search;
 mod space;
 

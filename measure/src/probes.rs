@@ -1,70 +1,80 @@
 //! What can be read from the latent? Probes from latents to known quantities, judged on trajectories they have not seen.
 //!
-//! In: a table and quantities with one value per row: task quantities, distractor parameters, the video shown. Out: for each and each
-//! probe (`ridge`, `knn`) a score with a 95% interval: R² of numbers, accuracy of classes. A good latent scores
-//! high on the task and at chance on the distractors.
+//! In: tables with quantities, one value per row: task quantities, distractor parameters, the video shown. Out: for each quantity and each probe a score
+//! with a 95% interval over state and distractor trajectories: R² of numbers, `1 - Σ (y - ŷ)² / Σ (y - ȳ)²` over the judged rows, and the
+//! accuracy of classes. A good latent scores high on the task and at chance on the distractors.
 //!
-//! Trajectories are cut into five folds; every row is predicted by a probe fitted to the other folds. Beside each score stands the same probe's
-//! on shuffled quantities (each trajectory given another's): what the number is worth. The action-only control is the same call on
-//! the table of an encoder that sees only actions.
+//! | probe | numbers | classes |
+//! |---|---|---|
+//! | linear | ridge regression, its penalty chosen by cross-validation over the trajectories it is fitted on | multinomial logistic regression |
+//! | kNN | the mean of the ten nearest rows (standardized L2) | the most frequent class among them |
+//!
+//! Probes of numbers are fitted on other recordings where those are at hand ([`Fit::On`], the training recordings) and judged on every row of the table in
+//! question: ten state trajectories are too few to fit on. Otherwise, and always for classes (another recording shows other videos), the table's own
+//! trajectories are cut into five folds and every row is judged by a probe fitted on the other folds ([`Fit::HeldOut`]).
+//!
+//! Beside each score stands the same probe's on shuffled quantities (fitted on each trajectory's latents with another's quantities): what the number is
+//! worth. The action-only control is the same call on the table of [`past_action_features`](crate::past_actions::past_action_features).
 
+mod held_out;
 mod knn;
+mod logistic;
 mod quantity;
 mod ridge;
 mod score;
 
-pub use quantity::{Quantity, Values};
+pub use quantity::{HoldOut, Quantity, Values};
 
 use rand::Rng;
-use rand::seq::SliceRandom;
 use serde::Serialize;
 
 use crate::intervals::Interval;
-use crate::neighbours::Metric;
 use crate::{Error, Table};
-use quantity::Targets;
 
 /// The two probes: what a linear reader finds, and what any smooth one could.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Probe {
-    /// Ridge regression; classes as one column of zeros and ones each, the largest prediction wins.
-    Ridge,
+    /// Ridge regression of numbers, logistic regression of classes.
+    Linear,
     /// The mean, or the most frequent class, of the nearest rows.
     Knn,
 }
 
-/// What must be held out together.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum HoldOut {
-    /// State trajectories of rows on a grid (the cells of a row share their states), episodes of others.
-    #[default]
-    State,
-    /// Episodes.
-    Episode,
-    /// Distractor trajectories: whether a distractor's parameters can be read from one never seen.
-    Distractor,
+/// A table and what is to be read from it.
+#[derive(Debug, Clone, Copy)]
+pub struct Sample<'a> {
+    /// The latents.
+    pub table: Table<'a>,
+    /// The quantities, one value per row of the table.
+    pub quantities: &'a [Quantity],
+}
+
+/// What the probes of numbers are fitted on.
+#[derive(Debug, Clone, Copy)]
+pub enum Fit<'a> {
+    /// The other trajectories of the same table.
+    HeldOut,
+    /// Another recording, with the same quantities in the same order.
+    On(Sample<'a>),
 }
 
 /// How to probe.
 #[derive(Debug, Clone, Copy)]
 pub struct ProbeOptions {
-    /// What is held out together.
-    pub hold_out: HoldOut,
     /// Folds; fewer if there are fewer trajectories.
     pub folds: usize,
     /// Neighbours of the kNN probe.
     pub neighbours: usize,
-    /// Its measure of nearness.
-    pub metric: Metric,
     /// Most rows the kNN probe predicts; more are drawn from (above 100,000 rows fewer, see [`bounded_queries`](crate::neighbours::bounded_queries)).
     pub knn_rows: usize,
+    /// Most rows the logistic probe is fitted on; more are drawn from.
+    pub logistic_rows: usize,
 }
 
 impl Default for ProbeOptions {
     fn default() -> Self {
-        Self { hold_out: HoldOut::State, folds: 5, neighbours: 10, metric: Metric::Standardized, knn_rows: 5000 }
+        Self { folds: 5, neighbours: 10, knn_rows: 5000, logistic_rows: 5000 }
     }
 }
 
@@ -77,89 +87,68 @@ pub struct ProbeScore {
     pub probe: Probe,
     /// "R²" or "accuracy".
     pub measure: &'static str,
-    /// On held-out trajectories; interval over trajectories.
+    /// On trajectories that the probe was not fitted on; interval over state and distractor trajectories.
     pub score: Interval,
-    /// The same probe on shuffled quantities.
+    /// The same probe fitted on shuffled quantities.
     pub shuffled: Interval,
     /// What needs no latent: 0 for R², the share of the most frequent class for accuracy.
     pub chance: f64,
-    /// Held-out groups (trajectories).
+    /// Trajectories that were held out together, one after the other; the number of judged cells or episodes if the probe was fitted elsewhere.
     pub groups: usize,
 }
 
-/// Probe a table for every quantity, ridge and kNN.
+/// Probe a table for every quantity, linear and kNN.
 ///
 /// # Errors
-/// A quantity of another length or with a value that is not finite, fewer than two groups, no grid to hold out distractors of,
-/// latents that do not vary.
+/// A quantity of another length or with a value that is not finite, fewer than two groups to hold out, no grid to hold out distractors of, another list of
+/// quantities or other dimensions to fit on, latents that do not vary.
 pub fn probe(
-    table: &Table<'_>,
-    quantities: &[Quantity],
+    judged: Sample<'_>,
+    fit: Fit<'_>,
     options: ProbeOptions,
     rng: &mut impl Rng,
 ) -> Result<Vec<ProbeScore>, Error> {
-    let groups = groups(table, options.hold_out)?;
-    let count = groups.iter().max().map_or(0, |&last| last as usize + 1);
-    if count < 2 {
-        return Err(Error::TooFewRows { what: "a probe: trajectories", needed: 2, found: count });
+    if let Fit::On(fitted) = fit {
+        check_alike(judged, fitted)?;
     }
-    let folds = folds(count, options.folds, rng);
-    let fold: Vec<u32> = groups.iter().map(|&group| folds[group as usize]).collect();
-    let targets = Targets::new(table, quantities)?;
-    let shuffled = targets.shuffled(&groups, count, rng);
-    let mut scores = Vec::new();
-    for probe in [Probe::Ridge, Probe::Knn] {
-        let (rows, predicted, control) = match probe {
-            Probe::Ridge => {
-                let rows: Vec<usize> = (0..table.rows()).collect();
-                (rows, ridge::predict(table, &targets, &fold)?, ridge::predict(table, &shuffled, &fold)?)
-            }
-            Probe::Knn => {
-                let neighbours = knn::Neighbourhoods::new(table, &fold, options, rng)?;
-                (neighbours.rows.clone(), neighbours.predict(&targets), neighbours.predict(&shuffled))
-            }
-        };
-        for (at, quantity) in quantities.iter().enumerate() {
-            let judge = |targets: &Targets, predicted: &[f64], rng: &mut _| {
-                score::score(targets, at, predicted, &rows, &groups, count, rng)
+    let mut scores: Vec<Option<[ProbeScore; 2]>> = vec![None; judged.quantities.len()];
+    for hold_out in [HoldOut::State, HoldOut::Episode, HoldOut::Distractor] {
+        for classes in [false, true] {
+            let belongs = |quantity: &Quantity| {
+                quantity.hold_out == hold_out && classes == matches!(quantity.values, Values::Classes(_))
             };
-            let (score, shuffled) = (judge(&targets, &predicted, rng), judge(&shuffled, &control, rng));
-            let (measure, chance) = targets.measure(at);
-            scores.push(ProbeScore {
-                quantity: quantity.name.clone(),
-                probe,
-                measure,
-                score,
-                shuffled,
-                chance,
-                groups: count,
-            });
+            let (places, own): (Vec<usize>, Vec<Quantity>) =
+                judged.quantities.iter().enumerate().filter(|(_, q)| belongs(q)).map(|(at, q)| (at, q.clone())).unzip();
+            if own.is_empty() {
+                continue;
+            }
+            let own_judged = Sample { table: judged.table, quantities: &own };
+            let found = match fit {
+                Fit::On(fitted) if !classes => {
+                    let theirs: Vec<Quantity> = places.iter().map(|&at| fitted.quantities[at].clone()).collect();
+                    held_out::fitted_elsewhere(own_judged, Sample { quantities: &theirs, ..fitted }, options, rng)?
+                }
+                _ => held_out::within(own_judged, hold_out, options, rng)?,
+            };
+            places.into_iter().zip(found).for_each(|(place, pair)| scores[place] = Some(pair));
         }
     }
-    Ok(scores)
+    let pairs: Vec<[ProbeScore; 2]> = scores.into_iter().flatten().collect();
+    let of = |probe: usize| pairs.iter().map(move |pair| pair[probe].clone());
+    Ok(of(0).chain(of(1)).collect())
 }
 
-/// The group of each row, numbered from 0.
-fn groups(table: &Table<'_>, hold_out: HoldOut) -> Result<Vec<u32>, Error> {
-    let cells: Option<Vec<(u32, u32)>> = (0..table.rows()).map(|row| table.cell(row)).collect();
-    let labels: Vec<u32> = match (hold_out, cells) {
-        (HoldOut::State, _) => return Ok(table.trajectories()),
-        (HoldOut::Distractor, Some(cells)) => cells.iter().map(|cell| cell.1).collect(),
-        (HoldOut::Distractor, None) => return Err(Error::NoGrid),
-        (HoldOut::Episode, _) => table.episode().to_vec(),
-    };
-    let mut names = labels.clone();
-    names.sort_unstable();
-    names.dedup();
-    Ok(labels.iter().map(|label| names.partition_point(|name| name < label) as u32).collect())
-}
-
-/// The fold of each group: a shuffled deal.
-fn folds(groups: usize, folds: usize, rng: &mut impl Rng) -> Vec<u32> {
-    let folds = folds.clamp(2, groups) as u32;
-    let mut deal: Vec<u32> = (0..groups as u32).map(|group| group % folds).collect();
-    deal.shuffle(rng);
-    deal
+fn check_alike(judged: Sample<'_>, fitted: Sample<'_>) -> Result<(), Error> {
+    let (expected, found) = (judged.table.dims(), fitted.table.dims());
+    if expected != found {
+        return Err(Error::Length { what: "latent dimensions of the table to fit on", expected, found });
+    }
+    let (expected, found) = (judged.quantities.len(), fitted.quantities.len());
+    let same = judged.quantities.iter().zip(fitted.quantities).all(|(a, b)| a.name == b.name);
+    if expected != found || !same {
+        return Err(Error::Length { what: "quantities of the table to fit on", expected, found });
+    }
+    Ok(())
 }
 
 #[cfg(test)]

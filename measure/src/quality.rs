@@ -1,14 +1,18 @@
 //! How much of the latent space's neighbourhoods a map keeps: trustworthiness and the share of neighbours kept.
 //!
-//! In: the space, the map `[rows, 2]`, `k`. Out: both numbers. Above `QualityOptions::rows` rows (above 100,000 rows still fewer, see
+//! In: the space, the map `[rows, 2]`, `k`. Out: both numbers. Neighbours on the map come from a k-d tree (kiddo), neighbours and ranks in the space from
+//! matrix products. Above `QualityOptions::rows` rows (above 100,000 rows still fewer, see
 //! [`bounded_queries`]) they are taken over that many rows drawn from the generator, each still ranked against the whole table.
 
+use std::num::NonZero;
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rand::Rng;
 use rand::seq::index;
 use rayon::prelude::*;
 
-use crate::neighbours::{Exclude, Metric, Neighbours, Space, bounded_queries, nearest};
-use crate::{Error, Table};
+use crate::Error;
+use crate::neighbours::{Exclude, Space, bounded_queries, nearest};
 
 /// The two numbers every map comes with.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,8 +53,7 @@ pub fn quality(
     options: QualityOptions,
     rng: &mut impl Rng,
 ) -> Result<Quality, Error> {
-    let (table, k) = (space.table(), options.k);
-    let n = table.rows();
+    let (n, k) = (space.table().rows(), options.k);
     if map.len() != n {
         return Err(Error::Length { what: "map", expected: n, found: map.len() });
     }
@@ -61,46 +64,42 @@ pub fn quality(
     let mut queries: Vec<usize> = if n > most { index::sample(rng, n, most).into_vec() } else { (0..n).collect() };
     queries.sort_unstable();
     let near = nearest(space, &queries, k, Exclude::Itself)?;
-    let near_on_map = nearest_on_map(table, map, &queries, k)?;
-    let both = |query: usize| near_on_map.rows(query).iter().filter(|row| near.rows(query).contains(row)).count();
+    let near_on_map = nearest_on_map(map, &queries, k);
+    let both = |at: usize| near_on_map[at].iter().filter(|row| near.rows(at).contains(row)).count();
     let kept: usize = (0..queries.len()).map(both).sum();
-    let intruders = |(at, &query): (usize, &usize)| excess_rank(space, query, near_on_map.rows(at), near.rows(at));
-    let excess: u64 = queries.par_iter().enumerate().map(intruders).sum();
+    let intruders = |at: usize| -> Vec<u32> {
+        near_on_map[at].iter().filter(|row| !near.rows(at).contains(row)).copied().collect()
+    };
+    let intruders: Vec<Vec<u32>> = (0..queries.len()).map(intruders).collect();
+    let ranks = space.ranks(&queries, &intruders);
+    let excess: u64 = ranks.iter().flatten().map(|rank| rank.saturating_sub(k as u64)).sum();
     let (n, k, count) = (n as f64, k as f64, queries.len() as f64);
     let trustworthiness = 1.0 - 2.0 / (count * k * (2.0 * n - 3.0 * k - 1.0)) * excess as f64;
     Ok(Quality { trustworthiness, kept: kept as f64 / (count * k), k: options.k, rows: queries.len() })
 }
 
-/// The `k` nearest rows on the map.
-fn nearest_on_map(table: &Table<'_>, map: &[[f32; 2]], queries: &[usize], k: usize) -> Result<Neighbours, Error> {
-    let flat = Table::new(2, map.as_flattened(), table.episode(), table.step())?;
-    nearest(&Space::new(flat, Metric::Euclidean)?, queries, k, Exclude::Itself)
-}
-
-/// `Σ_j max(0, r(query, j) - k)` over the map's neighbours that are not the space's.
-fn excess_rank(space: &Space<'_>, query: usize, on_map: &[u32], near: &[u32]) -> u64 {
-    let mut intruders: Vec<f32> = on_map
-        .iter()
-        .filter(|row| !near.contains(row))
-        .map(|&row| space.squared_prepared(query, row as usize))
-        .collect();
-    if intruders.is_empty() {
-        return 0;
-    }
-    intruders.sort_unstable_by(f32::total_cmp);
-    // closer[i]: rows nearer than the i-th intruder but not than the one before it.
-    let mut closer = vec![0_u64; intruders.len()];
-    for row in (0..space.table().rows()).filter(|&row| row != query) {
-        let distance = space.squared_prepared(query, row);
-        if distance < intruders[intruders.len() - 1] {
-            closer[intruders.partition_point(|&intruder| intruder <= distance)] += 1;
+/// The `k` rows nearest to each query on the map, ties by row.
+fn nearest_on_map(map: &[[f32; 2]], queries: &[usize], k: usize) -> Vec<Vec<u32>> {
+    /// Asked for beyond `k` and the query itself, so that few queries end within a tie.
+    const SPARE: usize = 8;
+    let points: Vec<[f64; 2]> = map.iter().map(|at| at.map(f64::from)).collect();
+    let tree = ImmutableKdTree::<f64, 2>::new_from_slice(&points);
+    let most = NonZero::new(k + 1 + SPARE).unwrap_or(NonZero::<usize>::MIN);
+    let near = |&query: &usize| {
+        let found = tree.nearest_n::<SquaredEuclidean>(&points[query], most);
+        let mut near: Vec<(f64, u32)> = found.iter().map(|near| (near.distance, near.item as u32)).collect();
+        let farthest = near.last().map_or(0.0, |last| last.0);
+        near.retain(|&(_, row)| row as usize != query);
+        if near.len() < k || near[k - 1].0 >= farthest && near.len() + 1 < points.len() {
+            // The tree ended within a tie: all rows at that distance count, the first of them by row.
+            let squared = |at: &[f64; 2]| (0..2).map(|axis| (at[axis] - points[query][axis]).powi(2)).sum::<f64>();
+            let all = points.iter().enumerate().filter(|(row, _)| *row != query);
+            near = all.map(|(row, at)| (squared(at), row as u32)).filter(|near| near.0 <= farthest).collect();
         }
-    }
-    let ranks = closer.iter().scan(0, |rank, closer| {
-        *rank += closer;
-        Some(*rank + 1)
-    });
-    ranks.map(|rank| rank.saturating_sub(near.len() as u64)).sum()
+        near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        near.iter().take(k).map(|&(_, row)| row).collect()
+    };
+    queries.par_iter().map(near).collect()
 }
 
 #[cfg(test)]
@@ -108,7 +107,7 @@ mod tests {
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    use super::{QualityOptions, quality};
+    use super::{QualityOptions, nearest_on_map, quality};
     use crate::neighbours::{Metric, Space};
     use crate::{Error, Table};
 
@@ -155,6 +154,23 @@ mod tests {
         assert!(
             (sampled.trustworthiness - found.trustworthiness).abs() < 0.03 && (sampled.kept - found.kept).abs() < 0.06
         );
+    }
+
+    /// Points on a coarse lattice, half of them in one place: more equal points than a leaf of the tree holds, and ties everywhere.
+    #[test]
+    fn neighbours_on_a_map_with_many_equal_points_are_the_first_by_row() {
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
+        let map: Vec<[f32; 2]> = (0..600)
+            .map(|row| if row % 2 == 0 { [1.0, 1.0] } else { [(); 2].map(|()| rng.random_range(-8..8) as f32 / 4.0) })
+            .collect();
+        let queries: Vec<usize> = (0..600).collect();
+        let found = nearest_on_map(&map, &queries, 7);
+        for query in queries {
+            let squared = |row: usize| (0..2).map(|axis| (map[row][axis] - map[query][axis]).powi(2)).sum::<f32>();
+            let mut all: Vec<u32> = (0..600).filter(|&row| row as usize != query).collect();
+            all.sort_by(|&a, &b| squared(a as usize).total_cmp(&squared(b as usize)).then(a.cmp(&b)));
+            assert_eq!(found[query], all[..7], "query {query}");
+        }
     }
 
     #[test]

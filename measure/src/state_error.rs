@@ -1,13 +1,13 @@
 //! Do neighbours in the latent space share the true task state? The number beside the sheet of neighbours.
 //!
 //! In: the task state of every row, queries and their neighbours. Out: the mean distance between a query's state and its neighbours' states,
-//! beside that of random rows of other trajectories, with 95% intervals over the queries' trajectories (state trajectories on a grid).
+//! beside that of random rows of other trajectories, with 95% intervals over the queries' state and distractor trajectories.
 
 use rand::Rng;
 use serde::Serialize;
 
 use crate::Table;
-use crate::intervals::{Interval, bootstrap};
+use crate::intervals::Interval;
 use crate::neighbours::Neighbours;
 
 /// How far apart states are, in standard deviations a dimension (root mean square over dimensions).
@@ -57,18 +57,11 @@ pub fn state_error(
             mean(&mut (0..found.k()).map(|_| distance(row, other())))
         })
         .collect();
-    let trajectory = table.trajectories();
-    let mut groups: Vec<u32> = queries.iter().map(|&row| trajectory[row]).collect();
-    groups.sort_unstable();
-    groups.dedup();
-    let group: Vec<usize> = queries.iter().map(|&row| groups.partition_point(|&g| g < trajectory[row])).collect();
-    let weighted =
-        |values: &[f64], counts: &[f64]| -> f64 { values.iter().zip(&group).map(|(v, &g)| v * counts[g]).sum() };
-    let total = |counts: &[f64]| -> f64 { group.iter().map(|&g| counts[g]).sum() };
+    let trajectories = table.trajectories();
     Some(StateError {
-        neighbours: bootstrap(groups.len(), rng, |counts| weighted(&near, counts) / total(counts)),
-        random: bootstrap(groups.len(), rng, |counts| weighted(&random, counts) / total(counts)),
-        ratio: bootstrap(groups.len(), rng, |counts| weighted(&near, counts) / weighted(&random, counts)),
+        neighbours: trajectories.mean(queries, &near, rng),
+        random: trajectories.mean(queries, &random, rng),
+        ratio: trajectories.ratio(queries, &near, &random, rng),
     })
 }
 

@@ -3,13 +3,25 @@
 //! In: the state of each row (joint angles, goal), the table, and how far apart two rows' pictures are. Out: pairs of rows that are rotations
 //! of each other with their latent distance, beside pairs whose pictures are as far apart but whose states are not so
 //! related. If the latent is symmetric, the first are much closer.
+//!
+//! | name | is | symmetric | says nothing |
+//! |---|---|---|---|
+//! | `symmetry_ratio` | mean latent distance of rotated pairs over that of rows whose pictures are as far apart | 0 | 1 |
+//! | `symmetry_percentile` | of the rows whose pictures are about as far away, the share that the latent puts farther away than the rotated twin (ties count half) | 1 | 0.5 |
+//! | `symmetry_percentile_equal_distance` | the same among rows whose target is equally far from the fingertip, to the centimetre | 1 | 0.5 |
+//!
+//! Two controls belong beside them, the same numbers of other tables. Features of past actions: a recording that was turned and drawn again keeps its actions, so
+//! that an encoder that sees only those has a ratio of 0. The distance to the target alone ([`ReacherState::distance_table`]): it is the same after
+//! any turn, so its ratio is 0 too, but among rows of equal distance it tells nothing apart and its percentile is 0.5.
+
+use std::collections::BTreeMap;
 
 use rand::Rng;
 use rand::seq::index::sample;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::intervals::{Interval, bootstrap};
+use crate::intervals::Interval;
 use crate::neighbours::{Metric, Space};
 use crate::{Error, Table};
 
@@ -42,6 +54,20 @@ impl ReacherState {
         apart <= options.tolerance && self.turn(other) >= options.turn
     }
 
+    /// How far the fingertip is from the target, in whole centimetres.
+    fn distance(self) -> u32 {
+        let [shoulder, wrist] = self.joints;
+        let tip =
+            [ARM * (shoulder.cos() + (shoulder + wrist).cos()), ARM * (shoulder.sin() + (shoulder + wrist).sin())];
+        (100.0 * (self.target[0] - tip[0]).hypot(self.target[1] - tip[1])).round() as u32
+    }
+
+    /// The latents of an encoder that knows nothing but the distance to the target, to the centimetre: `[rows, 1]`.
+    #[must_use]
+    pub fn distance_table(states: &[Self]) -> Vec<f32> {
+        states.iter().map(|state| state.distance() as f32).collect()
+    }
+
     /// The angle between two upper arms, 0 to π.
     fn turn(self, other: Self) -> f64 {
         let turn = (self.joints[0] - other.joints[0]).rem_euclid(std::f64::consts::TAU);
@@ -58,8 +84,10 @@ pub struct SymmetryOptions {
     pub turn: f64,
     /// Most pairs to compare; more are drawn from.
     pub pairs: usize,
-    /// Random rows among which the one as far in the picture is looked for.
+    /// Random rows among which those as far in the picture are looked for.
     pub candidates: usize,
+    /// How many of them count as about as far in the picture: the nearest by picture distance, as many a little farther as a little nearer.
+    pub matched: usize,
     /// The measure of latent distance.
     pub metric: Metric,
 }
@@ -70,7 +98,8 @@ impl Default for SymmetryOptions {
             tolerance: 0.02,
             turn: std::f64::consts::FRAC_PI_4,
             pairs: 500,
-            candidates: 64,
+            candidates: 256,
+            matched: 16,
             metric: Metric::Standardized,
         }
     }
@@ -93,15 +122,21 @@ pub struct SymmetricPair {
     pub matched_latent: f64,
     /// Its picture's distance.
     pub matched_image: f64,
+    /// Share of the rows that look about as different whose latent is farther away than the rotation's.
+    pub percentile: f64,
+    /// The same among rows of equal distance to the target; none if there are none.
+    pub percentile_equal_distance: Option<f64>,
 }
 
 /// How symmetric the latents are.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Symmetry {
-    /// Mean latent distance of rotated pairs over that of matched pairs: 0 is symmetric, 1 is not. Interval over trajectories.
+    /// `symmetry_ratio`. Intervals are over state and distractor trajectories.
     pub ratio: Interval,
-    /// Share of rows that are closer to their rotation than to the matched row; 0.5 if rotation means nothing.
-    pub closer: Interval,
+    /// `symmetry_percentile`.
+    pub percentile: Interval,
+    /// `symmetry_percentile_equal_distance`; NaN if no row has equals.
+    pub percentile_equal_distance: Interval,
     /// The pairs.
     pub pairs: Vec<SymmetricPair>,
 }
@@ -145,63 +180,142 @@ pub fn rotated_pairs(
     Ok(pairs)
 }
 
-/// Latent distances of `pairs` against rows as far apart in the picture. `image_distance` compares two rows' pictures (any
-/// measure; it is called `options.candidates + 1` times a pair).
+/// What `pairs` are compared with: drawn once, so that controls are compared with the same rows.
+#[derive(Debug, Clone)]
+pub struct Matches {
+    pairs: Vec<Match>,
+}
+
+#[derive(Debug, Clone)]
+struct Match {
+    row: usize,
+    rotated: usize,
+    image: f64,
+    /// Rows whose pictures are about as far away, the nearest to the pair's picture distance first, with that distance.
+    alike: Vec<(usize, f64)>,
+    /// Rows of equal distance to the target.
+    equal: Vec<usize>,
+}
+
+/// Draws the rows that `pairs` are compared with. `image_distance` compares two rows' pictures (any measure; it is called `options.candidates + 1` times
+/// a pair).
 ///
 /// # Errors
-/// No pairs, a row past the table, latents that do not vary, or a table of one trajectory.
-pub fn symmetry(
+/// No pairs, a row past the table, or a table of one trajectory.
+pub fn matches(
     table: &Table<'_>,
+    states: &[ReacherState],
     pairs: &[(usize, usize)],
     image_distance: impl Fn(usize, usize) -> f64 + Sync,
     options: SymmetryOptions,
     rng: &mut impl Rng,
-) -> Result<Symmetry, Error> {
+) -> Result<Matches, Error> {
     let rows = table.rows();
     if pairs.is_empty() {
         return Err(Error::NoRotations { tolerance: options.tolerance });
     }
+    if states.len() != rows {
+        return Err(Error::Length { what: "reacher states", expected: rows, found: states.len() });
+    }
     if let Some(&(a, b)) = pairs.iter().find(|&&(a, b)| a.max(b) >= rows) {
         return Err(Error::NoSuchRow { row: a.max(b), rows });
     }
-    let space = Space::new(*table, options.metric)?;
-    let drawn: Vec<Vec<usize>> = pairs.iter().map(|&pair| candidates(table, pair, options.candidates, rng)).collect();
-    if let Some(at) = drawn.iter().position(Vec::is_empty) {
-        let (episode, step) = (table.episode()[pairs[at].0], table.step()[pairs[at].0]);
+    let mut by_distance: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    states.iter().enumerate().for_each(|(row, state)| by_distance.entry(state.distance()).or_default().push(row));
+    let mut drawn = Vec::new();
+    for &(row, rotated) in pairs {
+        let other = |&other: &usize| other != rotated && table.episode()[other] != table.episode()[row];
+        let random: Vec<usize> =
+            (0..options.candidates.max(1)).map(|_| rng.random_range(0..rows)).filter(other).collect();
+        let bin = &by_distance[&states[row].distance()];
+        let equal = sample(rng, bin.len(), bin.len().min(options.candidates)).into_iter().map(|at| bin[at]);
+        let equal: Vec<usize> = equal.filter(other).collect();
+        drawn.push((row, rotated, random, equal));
+    }
+    if let Some((row, ..)) = drawn.iter().find(|(_, _, random, _)| random.is_empty()) {
+        let (episode, step) = (table.episode()[*row], table.step()[*row]);
         let excluded = "rows of its own trajectory do not count";
         return Err(Error::TooFewNeighbours { episode, step, needed: 1, found: 0, excluded });
     }
-    let compare = |(&(row, rotated), drawn): (&(usize, usize), &Vec<usize>)| {
+    let compare = |(row, rotated, random, equal): (usize, usize, Vec<usize>, Vec<usize>)| {
         let image = image_distance(row, rotated);
-        let images = drawn.iter().map(|&other| (other, image_distance(row, other)));
-        let better = |best: (usize, f64), next: (usize, f64)| {
-            if (next.1 - image).abs() < (best.1 - image).abs() { next } else { best }
-        };
-        let (matched, matched_image) = images.fold((row, f64::INFINITY), better);
-        let (latent, matched_latent) = (space.distance(row, rotated), space.distance(row, matched));
-        SymmetricPair { row, rotated, latent, image, matched, matched_latent, matched_image }
+        let images = random.iter().map(|&other| (other, image_distance(row, other))).collect();
+        Match { row, rotated, image, alike: alike(images, image, options.matched), equal }
     };
-    let pairs: Vec<SymmetricPair> = pairs.par_iter().zip(&drawn).map(compare).collect();
-    let trajectory = table.trajectories();
-    let mut drawn: Vec<u32> = pairs.iter().map(|pair| trajectory[pair.row]).collect();
-    drawn.sort_unstable();
-    drawn.dedup();
-    let group = |pair: &SymmetricPair| drawn.partition_point(|&one| one < trajectory[pair.row]);
-    let groups: Vec<usize> = pairs.iter().map(group).collect();
-    let total = |counts: &[f64], part: &dyn Fn(&SymmetricPair) -> f64| -> f64 {
-        pairs.iter().zip(&groups).map(|(pair, &group)| counts[group] * part(pair)).sum()
-    };
-    let ratio = |counts: &[f64]| total(counts, &|pair| pair.latent) / total(counts, &|pair| pair.matched_latent);
-    let nearer = |pair: &SymmetricPair| f64::from(u8::from(pair.latent < pair.matched_latent));
-    let closer = |counts: &[f64]| total(counts, &nearer) / total(counts, &|_| 1.0);
-    let (ratio, closer) = (bootstrap(drawn.len(), rng, ratio), bootstrap(drawn.len(), rng, closer));
-    Ok(Symmetry { ratio, closer, pairs })
+    Ok(Matches { pairs: drawn.into_par_iter().map(compare).collect() })
 }
 
-/// Random rows of other trajectories, the rotation itself left out; a row may be drawn twice.
-fn candidates(table: &Table<'_>, (row, rotated): (usize, usize), count: usize, rng: &mut impl Rng) -> Vec<usize> {
-    let drawn = (0..count.max(1)).map(|_| rng.random_range(0..table.rows()));
-    drawn.filter(|&other| other != rotated && table.episode()[other] != table.episode()[row]).collect()
+/// The rows about as far as `image`, the nearest to it first: equally many on either side where there are some on both, about `count` in all.
+fn alike(mut images: Vec<(usize, f64)>, image: f64, count: usize) -> Vec<(usize, f64)> {
+    let off = |(_, distance): &(usize, f64)| (distance - image).abs();
+    images.sort_by(|a, b| off(a).total_cmp(&off(b)).then(a.0.cmp(&b.0)));
+    let (mut farther, mut nearer): (Vec<_>, Vec<_>) = images.iter().copied().partition(|found| found.1 >= image);
+    let half = farther.len().min(nearer.len()).min((count / 2).max(1));
+    if half == 0 {
+        images.truncate(count.max(1));
+        return images;
+    }
+    farther.truncate(half);
+    nearer.truncate(half);
+    farther.extend(nearer);
+    farther.sort_by(|a, b| off(a).total_cmp(&off(b)).then(a.0.cmp(&b.0)));
+    farther
+}
+
+/// Latent distances of rotated pairs against those of the rows they are matched with.
+///
+/// # Errors
+/// Latents that do not vary.
+pub fn symmetry(
+    table: &Table<'_>,
+    matches: &Matches,
+    options: SymmetryOptions,
+    rng: &mut impl Rng,
+) -> Result<Symmetry, Error> {
+    let space = Space::new(*table, options.metric)?;
+    let farther = |row: usize, latent: f64, others: &mut dyn Iterator<Item = usize>| {
+        let (mut share, mut count) = (0.0, 0.0);
+        for other in others {
+            let distance = space.distance(row, other);
+            count += 1.0;
+            share += if distance > latent {
+                1.0
+            } else if distance < latent {
+                0.0
+            } else {
+                0.5
+            };
+        }
+        (count > 0.0).then(|| share / count)
+    };
+    let compare = |found: &Match| {
+        let Match { row, rotated, image, ref alike, ref equal } = *found;
+        let (matched, matched_image) = alike[0];
+        let (latent, matched_latent) = (space.distance(row, rotated), space.distance(row, matched));
+        SymmetricPair {
+            row,
+            rotated,
+            latent,
+            image,
+            matched,
+            matched_latent,
+            matched_image,
+            percentile: farther(row, latent, &mut alike.iter().map(|other| other.0)).unwrap_or(f64::NAN),
+            percentile_equal_distance: farther(row, latent, &mut equal.iter().copied()),
+        }
+    };
+    let pairs: Vec<SymmetricPair> = matches.pairs.par_iter().map(compare).collect();
+    let trajectories = table.trajectories();
+    let rows: Vec<usize> = pairs.iter().map(|pair| pair.row).collect();
+    let of = |part: fn(&SymmetricPair) -> f64| pairs.iter().map(part).collect::<Vec<f64>>();
+    let (equal_rows, equal): (Vec<usize>, Vec<f64>) =
+        pairs.iter().filter_map(|pair| Some((pair.row, pair.percentile_equal_distance?))).unzip();
+    Ok(Symmetry {
+        ratio: trajectories.ratio(&rows, &of(|pair| pair.latent), &of(|pair| pair.matched_latent), rng),
+        percentile: trajectories.mean(&rows, &of(|pair| pair.percentile), rng),
+        percentile_equal_distance: trajectories.mean(&equal_rows, &equal, rng),
+        pairs,
+    })
 }
 
 #[cfg(test)]
@@ -209,7 +323,7 @@ mod tests {
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    use super::{ReacherState, SymmetryOptions, rotated_pairs, symmetry};
+    use super::{ReacherState, SymmetryOptions, matches, rotated_pairs, symmetry};
     use crate::{Error, Table};
 
     /// Episodes 0 to 19 hold random states, 20 to 39 the same turned by 2 radians.
@@ -253,18 +367,24 @@ mod tests {
         let picture = |a: usize, b: usize| {
             (0..4).map(|dim| f64::from(absolute[a * 4 + dim] - absolute[b * 4 + dim]).powi(2)).sum::<f64>().sqrt()
         };
-        let run = |values: &[f32]| {
-            let table = Table::new(4, values, &episode, &step).unwrap();
+        let run = |dims: usize, values: &[f32]| {
+            let table = Table::new(dims, values, &episode, &step).unwrap();
             let rng = &mut ChaCha8Rng::seed_from_u64(1);
             let pairs = rotated_pairs(&table, &states, options, rng).unwrap();
             assert_eq!(pairs.len(), 500);
             assert!(pairs.iter().all(|&(a, b)| a.abs_diff(b) == 400));
-            symmetry(&table, &pairs, picture, options, rng).unwrap()
+            let drawn = matches(&table, &states, &pairs, picture, options, rng).unwrap();
+            symmetry(&table, &drawn, options, rng).unwrap()
         };
-        let symmetric = run(&invariant);
-        assert!(symmetric.ratio.high < 1e-5 && symmetric.closer.estimate == 1.0, "{:?}", symmetric.ratio);
-        let absolute = run(&absolute);
+        let symmetric = run(4, &invariant);
+        assert!(symmetric.ratio.high < 1e-5 && symmetric.percentile.estimate == 1.0, "{:?}", symmetric.ratio);
+        assert_eq!(symmetric.percentile_equal_distance.estimate, 1.0);
+        let absolute = run(4, &absolute);
         assert!((absolute.ratio.estimate - 1.0).abs() < 0.1, "{:?}", absolute.ratio);
+        assert!((absolute.percentile.estimate - 0.5).abs() < 0.1, "{:?}", absolute.percentile);
+        // The distance alone looks symmetric to the ratio, and is found out among rows of equal distance.
+        let distance = run(1, &ReacherState::distance_table(&states));
+        assert_eq!((distance.ratio.estimate, distance.percentile_equal_distance.estimate), (0.0, 0.5));
         let table = Table::new(4, &invariant, &episode, &step).unwrap();
         let none = SymmetryOptions { turn: 4.0, ..options };
         let refused = rotated_pairs(&table, &states, none, &mut ChaCha8Rng::seed_from_u64(1));

@@ -3,6 +3,7 @@
 //! Checked once, here; the measures trust it. It borrows its columns, so a million latents are held once.
 
 use crate::Error;
+use crate::intervals::Trajectories;
 
 /// Latents `[rows, dims]` with their keys. All columns have `rows` values; every latent is finite.
 #[derive(Debug, Clone, Copy)]
@@ -88,16 +89,22 @@ impl<'a> Table<'a> {
         Some((self.state?[row]?, self.distractor?[row]?))
     }
 
-    /// What each row's trajectory is, numbered from 0: what is drawn again for intervals and held out by probes. Rows on a grid go by their state
-    /// trajectory (cells of one state are not independent), others by their episode.
+    /// What each row's trajectory is, numbered from 0: what probes hold out. Rows on a grid go by their state trajectory (cells of one state are not
+    /// independent), others by their episode.
     #[must_use]
-    pub fn trajectories(&self) -> Vec<u32> {
+    pub fn state_trajectories(&self) -> Vec<u32> {
         let label = |row: usize| self.cell(row).map_or((1, self.episode[row]), |cell| (0, cell.0));
-        let labels: Vec<(u8, u32)> = (0..self.rows()).map(label).collect();
-        let mut names = labels.clone();
-        names.sort_unstable();
-        names.dedup();
-        labels.iter().map(|label| names.partition_point(|name| name < label) as u32).collect()
+        number(&(0..self.rows()).map(label).collect::<Vec<(u8, u32)>>())
+    }
+
+    /// What is drawn again for intervals: the cells of a grid by state and by distractor, episodes of other rows.
+    #[must_use]
+    pub fn trajectories(&self) -> Trajectories {
+        let of = |row: usize| match self.cell(row) {
+            Some((state, distractor)) => ((0, state), Some(distractor)),
+            None => ((1, self.episode[row]), None),
+        };
+        Trajectories::new(&(0..self.rows()).map(of).collect::<Vec<_>>())
     }
 
     /// The row with this key.
@@ -105,6 +112,14 @@ impl<'a> Table<'a> {
     pub fn find(&self, episode: u32, step: u32) -> Option<usize> {
         (0..self.rows()).find(|&row| self.episode[row] == episode && self.step[row] == step)
     }
+}
+
+/// Labels numbered from 0 in their order.
+pub(crate) fn number<T: Ord + Clone>(labels: &[T]) -> Vec<u32> {
+    let mut names = labels.to_vec();
+    names.sort_unstable();
+    names.dedup();
+    labels.iter().map(|label| names.partition_point(|name| name < label) as u32).collect()
 }
 
 fn check_length(what: &'static str, found: usize, expected: usize) -> Result<(), Error> {

@@ -19,8 +19,8 @@ use quadtree::Quadtree;
 /// Options, at the usual defaults.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TsneOptions {
-    /// About how many neighbours a point attends to.
-    pub perplexity: f64,
+    /// About how many neighbours a point attends to; by default 30, or a third of the other rows where there are fewer than 91.
+    pub perplexity: Option<f64>,
     /// Steps of gradient descent.
     pub iterations: usize,
     /// Cells narrower than this times their distance act as one point: 0 is exact, more is faster.
@@ -29,7 +29,7 @@ pub struct TsneOptions {
 
 impl Default for TsneOptions {
     fn default() -> Self {
-        Self { perplexity: 30.0, iterations: 1000, theta: 0.5 }
+        Self { perplexity: None, iterations: 1000, theta: 0.5 }
     }
 }
 
@@ -39,8 +39,8 @@ const EXAGGERATION: f32 = 12.0;
 impl TsneOptions {
     fn check(&self) -> Result<(), Error> {
         let refuse = |option, value: String, must| Err(Error::Option { option, value, must });
-        if !(self.perplexity >= 1.0 && self.perplexity.is_finite()) {
-            return refuse("perplexity", self.perplexity.to_string(), "at least 1");
+        if let Some(perplexity) = self.perplexity.filter(|perplexity| !(*perplexity >= 1.0 && perplexity.is_finite())) {
+            return refuse("perplexity", perplexity.to_string(), "at least 1");
         }
         if !(0.0..=1.0).contains(&self.theta) {
             return refuse("theta", self.theta.to_string(), "between 0 and 1");
@@ -48,13 +48,28 @@ impl TsneOptions {
         Ok(())
     }
 
-    /// Neighbours each row needs in the graph: three times the perplexity, as everywhere.
+    /// The perplexity for a table of so many rows.
+    fn perplexity(&self, rows: usize) -> f64 {
+        const USUAL: f64 = 30.0;
+        self.perplexity.unwrap_or_else(|| (rows.saturating_sub(1) as f64 / 3.0).clamp(1.0, USUAL))
+    }
+
+    /// Neighbours each row of a table of so many rows needs in the graph: three times the perplexity, as everywhere.
     ///
     /// # Errors
-    /// Options out of range.
-    pub fn graph_size(&self) -> Result<usize, Error> {
+    /// Options out of range, or fewer than four rows, or fewer than a given perplexity needs.
+    pub fn graph_size(&self, rows: usize) -> Result<usize, Error> {
         self.check()?;
-        Ok((3.0 * self.perplexity) as usize)
+        let size = (3.0 * self.perplexity(rows)) as usize;
+        match self.perplexity {
+            None if rows < 4 => Err(Error::TooFewRows { what: "t-SNE", needed: 4, found: rows }),
+            Some(perplexity) if size >= rows => Err(Error::Option {
+                option: "perplexity",
+                value: perplexity.to_string(),
+                must: "below a third of the number of rows",
+            }),
+            _ => Ok(size),
+        }
     }
 }
 
@@ -63,7 +78,7 @@ impl TsneOptions {
 /// # Errors
 /// Options out of range, no more rows than three times the perplexity, or latents that do not vary.
 pub fn tsne(space: &Space<'_>, options: TsneOptions, rng: &mut impl Rng) -> Result<Vec<[f32; 2]>, Error> {
-    let neighbours = graph(space, options.graph_size()?, Exclude::Itself)?;
+    let neighbours = graph(space, options.graph_size(space.table().rows())?, Exclude::Itself)?;
     tsne_of_graph(space.table(), &neighbours, options, rng)
 }
 
@@ -82,7 +97,7 @@ pub fn tsne_of_graph(
     if neighbours.queries() != rows {
         return Err(Error::Length { what: "neighbour graph", expected: rows, found: neighbours.queries() });
     }
-    let affinities = Affinities::new(neighbours, options.perplexity);
+    let affinities = Affinities::new(neighbours, options.perplexity(rows));
     let mut descent = Descent::new(start(table, rng)?);
     let rate = (rows as f32 / EXAGGERATION / 4.0).max(50.0);
     for iteration in 0..options.iterations {

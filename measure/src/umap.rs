@@ -35,8 +35,8 @@ pub enum Start {
 /// The options of the reference implementation, at its defaults.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UmapOptions {
-    /// Size of a neighbourhood, the point itself included: more shows coarser structure.
-    pub neighbours: usize,
+    /// Size of a neighbourhood, the point itself included: more shows coarser structure; by default 15, or all rows where there are fewer.
+    pub neighbours: Option<usize>,
     /// How close points may lie on the map.
     pub min_dist: f64,
     /// Scale of the map.
@@ -51,7 +51,7 @@ pub struct UmapOptions {
 
 impl Default for UmapOptions {
     fn default() -> Self {
-        Self { neighbours: 15, min_dist: 0.1, spread: 1.0, epochs: None, negative_samples: 5, start: Start::Spectral }
+        Self { neighbours: None, min_dist: 0.1, spread: 1.0, epochs: None, negative_samples: 5, start: Start::Spectral }
     }
 }
 
@@ -60,19 +60,26 @@ impl UmapOptions {
         self.epochs.unwrap_or(if rows <= 10_000 { 500 } else { 200 })
     }
 
-    /// Neighbours each row needs in the graph: a neighbourhood without the point itself.
+    /// Size of a neighbourhood on a table of so many rows.
+    #[must_use]
+    pub fn neighbourhood(&self, rows: usize) -> usize {
+        const USUAL: usize = 15;
+        self.neighbours.unwrap_or(USUAL.min(rows).max(2))
+    }
+
+    /// Neighbours each row of a table of so many rows needs in the graph: a neighbourhood without the point itself.
     ///
     /// # Errors
     /// Options out of range.
-    pub fn graph_size(&self) -> Result<usize, Error> {
+    pub fn graph_size(&self, rows: usize) -> Result<usize, Error> {
         self.check()?;
-        Ok(self.neighbours - 1)
+        Ok(self.neighbourhood(rows) - 1)
     }
 
     fn check(&self) -> Result<(), Error> {
         let refuse = |option, value: String, must| Err(Error::Option { option, value, must });
-        if self.neighbours < 2 {
-            return refuse("neighbours", self.neighbours.to_string(), "at least 2");
+        if let Some(neighbours) = self.neighbours.filter(|neighbours| *neighbours < 2) {
+            return refuse("neighbours", neighbours.to_string(), "at least 2");
         }
         if !(self.spread > 0.0 && self.spread.is_finite()) {
             return refuse("spread", self.spread.to_string(), "above 0");
@@ -89,7 +96,7 @@ impl UmapOptions {
 /// # Errors
 /// As [`graph`].
 pub fn neighbour_graph(space: &Space<'_>, options: UmapOptions) -> Result<Neighbours, Error> {
-    graph(space, options.graph_size()?, Exclude::Itself)
+    graph(space, options.graph_size(space.table().rows())?, Exclude::Itself)
 }
 
 /// A map of the space's rows.

@@ -188,6 +188,7 @@ pub(crate) fn made_up_spec(sizes: Sizes) -> Spec {
         materials: Vec::new(),
         control_timestep: 0.02,
         action_repeat: 1,
+        quantities: Vec::new(),
     }
 }
 

@@ -17,6 +17,9 @@ pub enum TrainError {
     /// A recording or a table of latents is not as it should be.
     #[error(transparent)]
     Data(#[from] vibes_data::Error),
+    /// Latents cannot be measured.
+    #[error(transparent)]
+    Measure(#[from] vibes_measure::Error),
     /// Reading or writing failed.
     #[error("cannot {action}: {source}: {}", path.display())]
     Io {

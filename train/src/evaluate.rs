@@ -1,166 +1,148 @@
-//! How good the latents are, on a held-out grid of state trajectories × distractor trajectories. In: a model and a grid recording. Out: same-state retrieval,
-//! the split of the latents' variance, and what can be read from them, each beside what past actions alone would give: on a grid every cell of a row
-//! shares its actions, so an encoder that sees only those already scores well.
+//! How good the latents are, on a held-out grid of state trajectories × distractor trajectories. In: a model, a grid recording, and the recordings it was trained
+//! on where they are at hand. Out: the numbers of `vibes-measure` under their names, each beside what past actions alone would give: on a grid every cell of a
+//! row shares its actions, so an encoder that sees only those already scores well.
+
+use std::collections::BTreeMap;
 
 use burn::tensor::Device;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
-use vibes_data::{EpisodeView, Recording};
+use vibes_data::Recording;
+use vibes_measure::invariance::Grid;
+use vibes_measure::numbers::{GridOptions, Numbers, grid_numbers, probe_numbers};
+use vibes_measure::probes::{Fit, ProbeOptions, ProbeScore, Quantity, Sample, probe};
 use vibes_model::Model;
-use vibes_model::encode::EpisodeEncoder;
 
-use crate::encode::{check_fit, encode_rows};
+use crate::encode::check_fit;
 use crate::error::{Result, TrainError};
 
+mod features;
 pub mod gaps;
-pub mod probe;
-pub mod retrieval;
-pub mod shares;
-mod targets;
+mod rows;
 
+pub use features::{Features, features};
 pub use gaps::{GapOptions, Gaps, gaps};
+pub use rows::{Acting, Rows};
 
-/// Rows encoded at a time.
-const CHUNK: usize = 128;
-/// Rows at the start of every episode that are left out: the encoder has not seen enough yet to know velocities.
-const SKIP: usize = 5;
+/// How to evaluate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EvaluateOptions {
+    /// Episodes of the training recordings that the probes are fitted on, at most.
+    pub probe_episodes: usize,
+    /// Seed of what the measures draw.
+    pub seed: u64,
+}
+
+impl Default for EvaluateOptions {
+    fn default() -> Self {
+        Self { probe_episodes: 100, seed: 0 }
+    }
+}
 
 /// The numbers of one evaluation.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
-    /// Share of latents whose nearest among all other cells at the same step shows the same state trajectory; averaged over steps.
-    pub retrieval_at_1: f64,
-    /// The same for the past actions alone.
-    pub retrieval_at_1_actions: f64,
-    /// The share if neighbours were drawn blindly.
-    pub retrieval_at_1_chance: f64,
-    /// The split of the latents' variance.
-    pub shares: shares::Shares,
-    /// What a ridge regression reads from the latents.
-    pub probes: Vec<Probe>,
-}
-
-/// What a ridge regression reads from the latents, on rows held out.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Probe {
-    /// Name of the quantity.
-    pub name: String,
-    /// `task` or `distractor`.
-    pub kind: &'static str,
-    /// R² of the latents; accuracy for `video`.
-    pub latents: f64,
-    /// R² of the past actions; accuracy for `video`.
-    pub actions: f64,
-    /// What guessing gives: 0 for R², the share of the commonest for an accuracy.
-    pub chance: f64,
-}
-
-/// One table of features on the grid: `[states, distractors, steps, dims]`, row-major.
-#[derive(Debug, Clone)]
-pub struct GridTable {
-    /// State trajectories.
-    pub states: usize,
-    /// Distractor trajectories.
-    pub distractors: usize,
-    /// Rows of every cell.
-    pub steps: usize,
-    /// Numbers a row.
-    pub dims: usize,
-    /// The values.
-    pub values: Vec<f32>,
-}
-
-impl GridTable {
-    /// The row of cell (state, distractor) at `step`.
-    pub fn row(&self, state: usize, distractor: usize, step: usize) -> &[f32] {
-        let at = ((state * self.distractors + distractor) * self.steps + step) * self.dims;
-        &self.values[at..at + self.dims]
-    }
+    /// The grid's numbers of the latents, and `probe/QUANTITY/FEATURES` of every table of features.
+    pub numbers: Numbers,
+    /// What every quantity is about: `task`, `symmetry` or `distractor`.
+    pub quantities: BTreeMap<String, &'static str>,
+    /// Episodes of the training recordings that the probes of numbers were fitted on; none if they were fitted on the grid's own trajectories.
+    pub fitted_on: Option<usize>,
 }
 
 /// Evaluates a model on a grid.
 ///
 /// # Errors
-/// The recording is no full grid, or does not fit the model.
-pub fn evaluate(model: &Model, grid: &Recording, device: &Device) -> Result<Report> {
-    check_fit(model, grid)?;
-    let cells = open_cells(grid)?;
-    let latents = encode_grid(model, &cells, device)?;
-    let actions = cells.table(model.config.actions() * targets::ACTION_FEATURES, |view, row, out| {
-        targets::action_features(view, row, out);
-    });
-    let (retrieval_at_1, retrieval_at_1_chance) = retrieval::at_1(&latents);
-    Ok(Report {
-        retrieval_at_1,
-        retrieval_at_1_actions: retrieval::at_1(&actions).0,
-        retrieval_at_1_chance,
-        shares: shares::shares(&latents),
-        probes: targets::probes(&grid.manifest().spec, &cells, &latents, &actions),
-    })
-}
-
-/// The cells of a full grid, by state and then distractor.
-#[derive(Debug)]
-pub(crate) struct Cells {
-    states: usize,
-    distractors: usize,
-    /// First row used, and how many follow.
-    steps: usize,
-    views: Vec<EpisodeView>,
-}
-
-impl Cells {
-    /// A table of some features of every used row; the last row of an episode, which has no action, is not used.
-    pub(crate) fn table(&self, dims: usize, mut of: impl FnMut(&EpisodeView, usize, &mut Vec<f32>)) -> GridTable {
-        let mut values = Vec::with_capacity(self.views.len() * self.steps * dims);
-        for view in &self.views {
-            for step in 0..self.steps {
-                of(view, SKIP + step, &mut values);
-            }
-        }
-        GridTable { states: self.states, distractors: self.distractors, steps: self.steps, dims, values }
+/// The recording is no grid, or does not fit the model, or the latents do not vary.
+pub fn evaluate(
+    model: &Model,
+    grid: &Recording,
+    training: &[Recording],
+    options: EvaluateOptions,
+    device: &Device,
+) -> Result<Report> {
+    training.iter().chain([grid]).try_for_each(|recording| check_fit(model, recording))?;
+    let judged = Rows::of(std::slice::from_ref(grid), usize::MAX)?;
+    let fitted = Rows::of(training, options.probe_episodes)?;
+    if judged.is_empty() {
+        return Err(no_grid("no episodes", grid));
     }
+    let tables = features(model, &judged, device)?;
+    let tables_to_fit = features(model, &fitted, device)?;
+    let mut numbers = grid_of(&judged, &tables[0], grid, options.seed)?;
+    let probes = Probes::of(&judged, &fitted, options.seed);
+    let control = probes.read(&judged.past_actions(), (!fitted.is_empty()).then(|| fitted.past_actions()).as_ref())?;
+    for (at, table) in tables.iter().enumerate() {
+        let scores = probes.read(table, tables_to_fit.get(at))?;
+        numbers.extend(probe_numbers(table.name, &scores, Some(&control)));
+    }
+    let fitted_on = (!fitted.is_empty()).then(|| fitted.episodes());
+    Ok(Report { numbers, quantities: probes.about, fitted_on })
 }
 
-fn open_cells(grid: &Recording) -> Result<Cells> {
-    let refuse = |found: &str| TrainError::OtherRecording {
+fn no_grid(found: &str, recording: &Recording) -> TrainError {
+    TrainError::OtherRecording {
         found: found.to_owned(),
-        wanted: "a full grid (`vibes-collect --grid NxM`)".to_owned(),
-        path: grid.path().to_owned(),
+        wanted: "a grid of at least two states and two distractors (`vibes-collect --grid NxM`)".to_owned(),
+        path: recording.path().to_owned(),
+    }
+}
+
+/// What is to be read from tables of features, in the judged rows and in those that are fitted on.
+struct Probes {
+    judged: (Acting, Vec<Quantity>),
+    fitted: (Acting, Vec<Quantity>),
+    about: BTreeMap<String, &'static str>,
+    seed: u64,
+}
+
+impl Probes {
+    /// Quantities that every row has and that vary over the grid.
+    fn of(judged: &Rows, fitted: &Rows, seed: u64) -> Self {
+        let (mut own, mut theirs, mut about) = (Vec::new(), Vec::new(), BTreeMap::new());
+        for readable in judged.readable() {
+            let Some(quantity) = judged.quantity(&readable.name).filter(|quantity| quantity.values.vary()) else {
+                continue;
+            };
+            if !fitted.is_empty() {
+                match fitted.quantity(&readable.name) {
+                    Some(same) => theirs.push(same),
+                    // Classes are never fitted elsewhere; any values keep their place.
+                    None if readable.is_class() => theirs.push(quantity.clone()),
+                    None => continue,
+                }
+            }
+            own.push(quantity);
+            about.insert(readable.name.clone(), readable.about.name());
+        }
+        Self { judged: (judged.acting(), own), fitted: (fitted.acting(), theirs), about, seed }
+    }
+
+    /// The scores of one table of features.
+    fn read(&self, table: &Features, table_to_fit: Option<&Features>) -> Result<Vec<ProbeScore>> {
+        let (rows, quantities) = &self.judged;
+        let features = rows.of(table);
+        let judged = Sample { table: rows.table(&features)?, quantities };
+        let to_fit = table_to_fit.map(|table| self.fitted.0.of(table));
+        let fit = match &to_fit {
+            Some(features) => Fit::On(Sample { table: self.fitted.0.table(features)?, quantities: &self.fitted.1 }),
+            None => Fit::HeldOut,
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        Ok(probe(judged, fit, ProbeOptions::default(), &mut rng)?)
+    }
+}
+
+/// The numbers of the grid's latents, beside those of past actions.
+fn grid_of(judged: &Rows, latents: &Features, recording: &Recording, seed: u64) -> Result<Numbers> {
+    let refuse = |error: vibes_measure::Error| match error {
+        vibes_measure::Error::NoGrid => no_grid("episodes without cells", recording),
+        vibes_measure::Error::TooFewRows { .. } => no_grid("too few of them", recording),
+        other => TrainError::Measure(other),
     };
-    let size = grid.manifest().grid.ok_or_else(|| refuse("episodes without a grid"))?;
-    let (states, distractors) = (size.states as usize, size.distractors as usize);
-    let mut numbers = vec![None; states * distractors];
-    for entry in grid.episodes() {
-        let cell = entry.cell.ok_or_else(|| refuse("episodes without a cell"))?;
-        if let Some(place) = numbers.get_mut(cell.state as usize * distractors + cell.distractor as usize) {
-            *place = Some(entry.index);
-        }
-    }
-    let numbers: Option<Vec<u32>> = numbers.into_iter().collect();
-    let numbers = numbers.ok_or_else(|| refuse("a grid with missing cells"))?;
-    let views = numbers.into_iter().map(|index| grid.episode(index)).collect::<std::result::Result<Vec<_>, _>>()?;
-    let steps = views.iter().map(EpisodeView::steps).min().unwrap_or(0).saturating_sub(SKIP);
-    if states < 2 || distractors < 2 || steps < 2 {
-        return Err(refuse("a grid of fewer than two states, two distractors or seven steps"));
-    }
-    Ok(Cells { states, distractors, steps, views })
+    let actions = judged.past_actions();
+    let grid = Grid::of_complete_part(judged.table(latents)?).map_err(refuse)?;
+    let control = Grid::of_complete_part(judged.table(&actions)?).map_err(refuse)?;
+    Ok(grid_numbers(&grid, Some(&control), &GridOptions { seed, ..GridOptions::default() })?)
 }
-
-fn encode_grid(model: &Model, cells: &Cells, device: &Device) -> Result<GridTable> {
-    let dims = model.config.latent;
-    let mut values = Vec::with_capacity(cells.views.len() * cells.steps * dims);
-    let mut encoder = EpisodeEncoder::new(model, device);
-    for view in &cells.views {
-        encoder.reset();
-        let rows = SKIP + cells.steps;
-        let mut latents = Vec::with_capacity(rows * dims);
-        for start in (0..rows).step_by(CHUNK) {
-            latents.extend(encode_rows(model, &mut encoder, view, start..rows.min(start + CHUNK))?);
-        }
-        values.extend_from_slice(&latents[SKIP * dims..]);
-    }
-    Ok(GridTable { states: cells.states, distractors: cells.distractors, steps: cells.steps, dims, values })
-}
-
-#[cfg(test)]
-mod tests;

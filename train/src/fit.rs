@@ -12,7 +12,7 @@ use vibes_model::Model;
 
 use crate::batch::Batch;
 use crate::error::{Result, TrainError};
-use crate::evaluate::{GapOptions, Gaps, Report, evaluate, gaps};
+use crate::evaluate::{EvaluateOptions, GapOptions, Gaps, Report, evaluate, gaps};
 use crate::hearing::{Hearing, own_log_likelihood};
 use crate::learners::world::Learner;
 use crate::metrics::{Averages, MetricsFile, Row};
@@ -223,7 +223,8 @@ impl Training<'_> {
     fn evaluate(&mut self, learner: &Learner, last: bool, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<()> {
         let (Some(held_out), Some(file)) = (self.held_out, &mut self.evaluations) else { return Ok(()) };
         if last || self.state.update.is_multiple_of(held_out.every.max(1)) {
-            let report = evaluate(&learner.model, &held_out.grid, self.device)?;
+            let report =
+                evaluate(&learner.model, &held_out.grid, self.recordings, EvaluateOptions::default(), self.device)?;
             let gaps = match held_out.gap_updates {
                 0 => None,
                 updates => {

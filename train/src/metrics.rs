@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Result, io, malformed};
 use crate::learners::world::Measures;
-use vibes_measure::spectrum::effective_rank;
+use vibes_measure::spectrum::spectrum;
 
 /// One line of `metrics.jsonl`: averages over the updates since the line before. Log-likelihoods are nats a row.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -93,7 +93,8 @@ impl Averages {
         };
         let (dynamics, adversary) = (mean(&|m| m.dynamics), mean_some(&|m| m.adversary));
         let means = measures.last().map_or(&[][..], |last| &last.latent_means);
-        let (effective_rank, latent_variance) = effective_rank(means, latent);
+        let (effective_rank, latent_variance) =
+            spectrum(means, latent).map_or((f64::NAN, f64::NAN), |found| (found.effective_rank, found.variance));
         let seconds = elapsed.as_secs_f64().max(1e-9);
         Row {
             update,

@@ -75,73 +75,71 @@ fn progress(page: &mut String, info: &RunInfo, last: &Row) {
 }
 
 fn held_out(page: &mut String, evaluations: &[Json]) {
+    const SHARES: [&str; 3] = ["state_share", "distractor_share", "interaction_share"];
+    const RETRIEVALS: [&str; 2] = ["retrieval_same_step@1", "retrieval_any_step@1"];
     push(page, "\n## On the held-out grid\n");
-    push(
-        page,
-        "| updates | same-state retrieval@1 | state | distractor | interaction | reward gap, nats | dynamics gap, nats |",
-    );
-    push(page, "|---|---|---|---|---|---|---|");
+    let names: Vec<&str> = RETRIEVALS.into_iter().chain(SHARES).collect();
+    push(page, &format!("| updates | {} | reward gap, nats | dynamics gap, nats |", names.join(" | ")));
+    push(page, &format!("|---|{}---|---|", "---|".repeat(names.len())));
     for index in shown(evaluations.len()) {
         let line = &evaluations[index];
-        let number = |path: &str| line.pointer(path).and_then(Json::as_f64);
-        let cell = |path: &str| number(path).map_or("–".to_owned(), |value| format!("{value:.3}"));
-        let update = line["update"].as_u64().unwrap_or(0);
-        push(
-            page,
-            &format!(
-                "| {update} | {} | {} | {} | {} | {} | {} |",
-                cell("/retrieval_at_1"),
-                cell("/shares/state"),
-                cell("/shares/distractor"),
-                cell("/shares/interaction"),
-                cell("/gaps/reward_gap"),
-                cell("/gaps/dynamics_gap")
-            ),
-        );
+        let cell = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.3}"));
+        let numbers = names.iter().map(|name| cell(number(line, name, "/estimate")));
+        let gaps = ["reward_gap", "dynamics_gap"].map(|gap| cell(line["gaps"][gap].as_f64()));
+        let cells: Vec<String> = numbers.chain(gaps).collect();
+        push(page, &format!("| {} | {} |", line["update"].as_u64().unwrap_or(0), cells.join(" | ")));
     }
     let last = evaluations.last().unwrap_or(&Json::Null);
-    let of = |name: &str| last[name].as_f64().unwrap_or(f64::NAN);
+    let of = |name: &str, what: &str| number(last, name, what).unwrap_or(f64::NAN);
+    let beside = RETRIEVALS.map(|name| {
+        format!(
+            "{name} of past actions alone {:.3}, by chance {:.3}",
+            of(name, "/past_actions/estimate"),
+            of(name, "/chance")
+        )
+    });
     push(
         page,
-        &format!(
-            "\nState, distractor and interaction are shares of the latents' variance. Retrieval by past actions alone: {:.3}; by chance: {:.3}.",
-            of("retrieval_at_1_actions"),
-            of("retrieval_at_1_chance")
-        ),
+        &format!("\nState, distractor and interaction are shares of the latents' variance. {}.", beside.join("; ")),
     );
+}
+
+/// A part of a number of an evaluation, as in `/estimate` of `state_share`.
+fn number(line: &Json, name: &str, part: &str) -> Option<f64> {
+    line["numbers"].get(name)?.pointer(part)?.as_f64()
 }
 
 fn probes(page: &mut String, last: &Json) {
-    let probes: &[Json] = last["probes"].as_array().map_or(&[], Vec::as_slice);
+    let numbers = last["numbers"].as_object();
+    let of_s = |name: &String| Some(name.strip_prefix("probe/")?.strip_suffix("/s")?.to_owned());
+    let names: Vec<String> = numbers.into_iter().flat_map(|numbers| numbers.keys()).filter_map(of_s).collect();
     push(
         page,
-        "\n| read by ridge on held-out states or distractors (R²; accuracy for video) | latents | past actions | chance |",
+        "\n| read from the latent by a linear probe (R²; accuracy for video) | latents | past actions | chance |",
     );
     push(page, "|---|---|---|---|");
-    for probe in probes.iter().filter(|probe| !is_color(probe)) {
-        push(page, &format!("| {} {} | {} |", text(probe, "kind"), text(probe, "name"), values(&[probe])));
+    let (colors, single): (Vec<String>, Vec<String>) = names.into_iter().partition(|name| is_color(name));
+    for name in &single {
+        let kind = last["quantities"][name].as_str().unwrap_or("");
+        push(page, &format!("| {kind}: {name} | {} |", values(last, std::slice::from_ref(name))));
     }
-    let colors: Vec<&Json> = probes.iter().filter(|probe| is_color(probe)).collect();
     if !colors.is_empty() {
-        push(page, &format!("| distractor colours, mean of {} | {} |", colors.len(), values(&colors)));
+        push(page, &format!("| distractor: colours, mean of {} | {} |", colors.len(), values(last, &colors)));
     }
 }
 
-fn text<'a>(probe: &'a Json, key: &str) -> &'a str {
-    probe[key].as_str().unwrap_or("")
+/// Whether a quantity is one of the many of the materials' colours.
+fn is_color(name: &str) -> bool {
+    [" red", " green", " blue"].iter().any(|channel| name.ends_with(channel))
 }
 
-/// Whether a probe is one of the many of the materials' colours.
-fn is_color(probe: &Json) -> bool {
-    text(probe, "kind") == "distractor"
-        && [" red", " green", " blue"].iter().any(|channel| text(probe, "name").ends_with(channel))
-}
-
-/// Means over probes, as cells of a table.
-fn values(probes: &[&Json]) -> String {
-    let mean =
-        |key: &str| probes.iter().filter_map(|probe| probe[key].as_f64()).sum::<f64>() / probes.len().max(1) as f64;
-    ["latents", "actions", "chance"].map(|key| format!("{:.3}", mean(key))).join(" | ")
+/// Means over quantities, as cells of a table.
+fn values(last: &Json, names: &[String]) -> String {
+    let mean = |part: &str| {
+        let of = |name: &String| number(last, &format!("probe/{name}/s"), part);
+        names.iter().filter_map(of).sum::<f64>() / names.len().max(1) as f64
+    };
+    ["/estimate", "/past_actions/estimate", "/chance"].map(|part| format!("{:.3}", mean(part))).join(" | ")
 }
 
 /// At most [`SHOWN`] of `count` indices, evenly spaced, the first and the last among them.

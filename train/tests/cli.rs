@@ -150,14 +150,21 @@ fn evaluate_on_a_grid_while_training_and_after() {
     let output = vibes_train(folder.path(), &["evaluate", "run", "grid", "--gap-updates", "3", "--json"]);
     assert_done(&output);
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let names: Vec<&str> =
-        found["report"]["probes"].as_array().unwrap().iter().map(|probe| probe["name"].as_str().unwrap()).collect();
-    assert!(names.contains(&"coin[0]") && names.contains(&"coin[1] squared"), "{names:?}");
-    assert!(!names.contains(&"coin[0] squared"), "what never changes cannot be read: {names:?}");
+    let numbers = found["report"]["numbers"].as_object().unwrap();
+    for name in ["retrieval_same_step@1", "retrieval_any_step@1", "distractor_share", "state_share", "denoising_factor"]
+    {
+        let number = &numbers[name];
+        let [low, estimate, high] = ["low", "estimate", "high"].map(|part| number[part].as_f64());
+        assert!(low <= estimate && estimate <= high && estimate.is_some(), "{name}: {number}");
+        assert!(number["past_actions"]["estimate"].is_f64() && number["chance"].is_f64(), "{name}: {number}");
+    }
+    assert!(numbers["probe/coin[0]/s"]["estimate"].is_f64() && numbers["probe_knn/coin[1]/s"]["estimate"].is_f64());
+    assert!(!numbers.contains_key("probe/camera roll/s"), "what never changes cannot be read");
+    assert_eq!((&found["report"]["quantities"]["coin[0]"], &found["report"]["fitted_on"]), (&"task".into(), &4.into()));
     let gap = |name: &str| found["gaps"][name].as_f64().unwrap();
     assert!((gap("dynamics_gap") - (gap("dynamics_of_critic") - gap("dynamics"))).abs() < 1e-9);
     // A recording that is no grid cannot be evaluated on.
     let output = vibes_train(folder.path(), &["evaluate", "run", "coins"]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(errors(&output).contains("full grid"), "{}", errors(&output));
+    assert!(errors(&output).contains("two distractors"), "{}", errors(&output));
 }

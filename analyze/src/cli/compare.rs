@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::invariance::{Named, ends, grid, text, write_intervals};
+use super::invariance::{Named, ends, named, text, write_intervals};
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Bar, BarGroup, Bars, Figure};
 use vibes_measure::intervals::Interval;
-use vibes_measure::invariance::{RetrievalOptions, retrieval, variance};
+use vibes_measure::invariance::Grid;
 use vibes_measure::neighbours::{Exclude, Metric, Space, nearest};
+use vibes_measure::numbers::{GridOptions, Numbers, grid_numbers};
 
 /// Invariance of several tables of latents of one recording, and how far they agree on what is near what.
 #[derive(Debug, clap::Args)]
@@ -32,26 +33,18 @@ pub(super) struct Options {
 /// The numbers of one table.
 struct Row {
     name: String,
-    state: Option<Interval>,
-    distractor: Option<Interval>,
-    found: Option<(Interval, f64)>,
+    /// Of the grid; none of latents that lie on none.
+    numbers: Numbers,
     near: Vec<Vec<u32>>,
-    json: Value,
 }
 
 impl Row {
     fn named(&self, agreement: f64) -> Vec<Named> {
         let alone = Interval { estimate: agreement, low: f64::NAN, high: f64::NAN };
-        let measured = [
-            ("variance share of state", self.state.map(|i| (i, f64::NAN))),
-            ("variance share of distractor", self.distractor.map(|i| (i, f64::NAN))),
-            ("retrieval@1", self.found),
-            ("neighbours in common with the first", Some((alone, f64::NAN))),
-        ];
-        let named = |(name, found): (&str, Option<(Interval, f64)>)| {
-            found.map(|(interval, chance)| (self.name.clone(), name.to_string(), interval, chance))
-        };
-        measured.into_iter().filter_map(named).collect()
+        let common = (self.name.clone(), "neighbours in common with the first".to_string(), alone, f64::NAN);
+        let own =
+            named(&self.numbers).into_iter().map(|(_, name, value, chance)| (self.name.clone(), name, value, chance));
+        own.chain([common]).collect()
     }
 }
 
@@ -75,14 +68,16 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let tables: Vec<Value> = rows
         .iter()
         .zip(&agreement)
-        .map(|(r, a)| json!({ "name": r.name, "numbers": r.json, "neighbours_shared_with_first": a }))
+        .map(|(r, a)| json!({ "name": r.name, "numbers": r.numbers, "neighbours_shared_with_first": a }))
         .collect();
     session.write_json("compare", &json!({ "tables": tables }))?;
     let numbers: Vec<Named> = rows.iter().zip(&agreement).flat_map(|(row, &agreement)| row.named(agreement)).collect();
     write_intervals(&mut session, "compare", "table", &numbers)?;
     let parts: Vec<String> = rows
         .iter()
-        .map(|r| format!("{} {}", r.name, r.state.as_ref().map_or_else(|| "no grid".into(), text)))
+        .map(|r| {
+            format!("{} {}", r.name, r.numbers.get("state_share").map_or_else(|| "no grid".into(), |n| text(&n.value)))
+        })
         .collect();
     Ok(session.finish(format!("compare: share of variance the state explains: {}", parts.join(", "))))
 }
@@ -119,21 +114,17 @@ fn names(sessions: &[Session], one: &Session) -> String {
 }
 
 fn measure(session: &Session, name: &str) -> anyhow::Result<Row> {
-    let mut rng = session.rng();
-    let (mut state, mut distractor, mut found, mut json) = (None, None, None, Value::Null);
     // Latents that are not of a grid still have neighbours to compare.
-    if let Ok(grid) = grid(session.table()?) {
-        let split = variance(&grid)?;
-        let at_1 = retrieval(&grid, RetrievalOptions::default(), &mut rng)?;
-        json = json!({ "variance": split, "retrieval": at_1 });
-        (state, distractor, found) = (Some(split.state), Some(split.distractor), Some((at_1.found, at_1.chance)));
-    }
+    let numbers = match Grid::of_complete_part(session.table()?) {
+        Ok(grid) => grid_numbers(&grid, None, &GridOptions { seed: session.seed, ..GridOptions::default() })?,
+        Err(_) => Numbers::default(),
+    };
     let space = Space::new(session.table()?, Metric::Standardized)?;
     let count = session.latents.len();
     let queries: Vec<usize> = (0..QUERIES.min(count)).map(|i| i * count / QUERIES.min(count)).collect();
     let near = nearest(&space, &queries, K, Exclude::Trajectory)?;
     let near = (0..queries.len()).map(|q| near.rows(q).to_vec()).collect();
-    Ok(Row { name: name.into(), state, distractor, found, near, json })
+    Ok(Row { name: name.into(), numbers, near })
 }
 
 /// Share of the first table's neighbours that the other has too.
@@ -143,21 +134,24 @@ fn agreement(first: &Row, other: &Row) -> f64 {
     shared as f64 / (first.near.len() * K) as f64
 }
 
-/// A number with its interval and its chance level, where it could be measured.
-type Measured = Option<(Interval, Option<f64>)>;
-
 fn draw(session: &Session, rows: &[Row], agreement: &[f64]) -> Bars {
     let whole = Some((0.0, 1.0));
-    let group = |axis: &str, of: &dyn Fn(&Row) -> Measured| {
+    let group = |axis: &str, name: &str| {
         let bar = |r: &Row| {
-            of(r).map(|(i, chance)| Bar { label: r.name.clone(), value: i.estimate, interval: ends(&i), chance })
+            r.numbers.get(name).map(|n| Bar {
+                label: r.name.clone(),
+                value: n.value.estimate,
+                interval: ends(&n.value),
+                chance: n.chance.is_finite().then_some(n.chance),
+            })
         };
         BarGroup { axis: axis.into(), range: whole, bars: rows.iter().filter_map(bar).collect() }
     };
     let mut groups = vec![
-        group("variance the state explains", &|r| r.state.map(|i| (i, None))),
-        group("variance the distractor explains", &|r| r.distractor.map(|i| (i, None))),
-        group("same state found under another distractor", &|r| r.found.map(|(i, chance)| (i, Some(chance)))),
+        group("variance the state explains", "state_share"),
+        group("variance the distractor explains", "distractor_share"),
+        group("same state found among all cells of the step (retrieval_same_step@1)", "retrieval_same_step@1"),
+        group("same state found under another distractor (retrieval_any_step@1)", "retrieval_any_step@1"),
     ];
     groups.retain(|g| !g.bars.is_empty());
     let bar = |(r, &value): (&Row, &f64)| Bar { label: r.name.clone(), value, interval: None, chance: None };

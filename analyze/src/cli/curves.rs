@@ -29,8 +29,8 @@ const KNOWN: [(&str, &str, bool); 13] = [
     ("frames_per_second", "frames a second", true),
     (DYNAMICS_GAP, "held-out dynamics gap (nats)", false),
     ("held_out.gaps.reward_gap", "held-out reward gap (nats)", false),
-    ("held_out.retrieval_at_1", "held-out same-state retrieval@1", true),
-    ("held_out.shares.state", "held-out variance share of state", true),
+    ("held_out.numbers.retrieval_same_step@1.estimate", "held-out retrieval_same_step@1", true),
+    ("held_out.numbers.state_share.estimate", "held-out state_share", true),
 ];
 
 /// How far the latents are from a bisimulation.

@@ -1,6 +1,6 @@
 //! `invariance`: same state, other distractor: same latent?
 
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::session::{Input, Session};
 use super::{Globals, Outcome};
@@ -9,7 +9,8 @@ use crate::figures::{Bar, BarGroup, Bars, Figure};
 use crate::output::Column;
 use vibes_measure::Table;
 use vibes_measure::intervals::Interval;
-use vibes_measure::invariance::{Grid, Retrieval, RetrievalOptions, VarianceSplit, retrieval, variance};
+use vibes_measure::invariance::{Grid, variance};
+use vibes_measure::numbers::{GridOptions, Number, Numbers, grid_numbers};
 
 /// How much of the latents' variance the state explains, how much the distractor, and how often the same state is found again under another
 /// distractor. Needs latents of a grid.
@@ -31,29 +32,14 @@ pub(super) struct Options {
     queries: usize,
 }
 
-/// The numbers of one table.
-struct Measured {
-    split: VarianceSplit,
-    retrievals: Vec<Retrieval>,
-}
-
 /// A number with its interval and what needs no latent, by what it is of and what it is called.
 pub(super) type Named = (String, String, Interval, f64);
 
-impl Measured {
-    fn rows(&self, source: &str) -> Vec<Named> {
-        let row =
-            |name: &str, interval: Interval, chance: f64| (source.to_string(), name.to_string(), interval, chance);
-        let split = &self.split;
-        let mut rows = vec![
-            row("variance share of state", split.state, split.state_of_noise),
-            row("variance share of distractor", split.distractor, f64::NAN),
-            row("variance share of interaction", split.interaction, f64::NAN),
-            row("variance within a state", split.within_state, f64::NAN),
-        ];
-        rows.extend(self.retrievals.iter().map(|r| row(&format!("retrieval@{}", r.k), r.found, r.chance)));
-        rows
-    }
+/// The numbers of the latents, and after them those of past actions alone.
+pub(super) fn named(numbers: &Numbers) -> Vec<Named> {
+    let latents = numbers.iter().map(|n| ("latent".to_string(), n.name.clone(), n.value, n.chance));
+    let actions = |n: &Number| Some(("past_actions".to_string(), n.name.clone(), n.past_actions?, n.chance));
+    latents.chain(numbers.iter().filter_map(actions)).collect()
 }
 
 /// Writes numbers with their intervals as `STEM.arrow`; NaN where there is no interval or no chance level.
@@ -77,10 +63,20 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         "invariance",
         json!({ "k": options.k, "tolerance": options.tolerance, "queries": options.queries }),
     )?;
-    let (measured, dropped, size) = {
-        let grid = grid(session.table()?)?;
+    let actions = past_actions(&mut session)?;
+    let (numbers, split, dropped, size) = {
+        let grid = Grid::of_complete_part(session.table()?)?;
+        let control = actions.as_ref().map(|actions| table(&session, actions)).transpose()?;
+        let control = control.map(Grid::of_complete_part).transpose()?;
+        let asked = GridOptions {
+            k: options.k.clone(),
+            tolerance: options.tolerance,
+            queries: options.queries,
+            seed: session.seed,
+        };
         (
-            measure(&grid, options, &session)?,
+            grid_numbers(&grid, control.as_ref(), &asked)?,
+            variance(&grid)?,
             grid.dropped().clone(),
             (grid.states().len(), grid.distractors().len(), grid.steps().len()),
         )
@@ -91,36 +87,23 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
                 .remark(format!("the grid has holes: {kind} trajectories {dropped:?} lack a cell and were left out"));
         }
     }
-    let control = control(options, &mut session)?;
-    let bars = draw(&session, &measured, control.as_ref());
+    let bars = draw(&session, &numbers);
     session.save(&Figure::Bars(bars), "invariance")?;
-    let numbers = |m: &Measured| json!({ "variance": m.split, "retrieval": m.retrievals });
-    let mut document = numbers(&measured);
-    document["grid"] = json!({ "states": size.0, "distractors": size.1, "steps": size.2, "dropped": dropped });
-    document["action_only"] = control.as_ref().map_or(Value::Null, numbers);
-    session.write_json("invariance", &document)?;
-    let mut rows = measured.rows("latent");
-    rows.extend(control.iter().flat_map(|control| control.rows("past_actions")));
-    write_intervals(&mut session, "invariance", "source", &rows)?;
-    let first = measured.retrievals.first().map_or_else(String::new, |r| {
-        format!("; same state found under another distractor: {} (chance {:.3})", text(&r.found), r.chance)
-    });
-    let s = &measured.split;
+    let grid = json!({ "states": size.0, "distractors": size.1, "steps": size.2, "dropped": dropped });
+    session.write_json("invariance", &json!({ "numbers": numbers, "by_step": split.by_step, "grid": grid }))?;
+    write_intervals(&mut session, "invariance", "source", &named(&numbers))?;
+    let found = numbers.iter().filter(|number| number.name.ends_with("@1"));
+    let found: Vec<String> =
+        found.map(|n| format!("; {} {} (chance {:.3})", n.name, text(&n.value), n.chance)).collect();
+    let share = |name: &str| numbers.get(name).map_or_else(String::new, |number| text(&number.value));
     let line = format!(
-        "invariance: of the latents' variance {} state, {} distractor, {} interaction{first}",
-        text(&s.state),
-        text(&s.distractor),
-        text(&s.interaction)
+        "invariance: of the latents' variance {} state, {} distractor, {} interaction{}",
+        share("state_share"),
+        share("distractor_share"),
+        share("interaction_share"),
+        found.concat()
     );
     Ok(session.finish(line))
-}
-
-/// The whole grid, or a complete part of one with holes.
-pub(super) fn grid(table: Table<'_>) -> Result<Grid<'_>, vibes_measure::Error> {
-    match Grid::new(table) {
-        Err(vibes_measure::Error::GridHoles { .. }) => Grid::of_complete_part(table),
-        grid => grid,
-    }
 }
 
 /// `0.61 [0.57, 0.66]`, or without an interval if there is none.
@@ -137,55 +120,42 @@ pub(super) fn ends(i: &Interval) -> Option<(f64, f64)> {
     (i.low.is_finite() && i.high.is_finite()).then_some((i.low, i.high))
 }
 
-fn measure(grid: &Grid<'_>, options: &Options, session: &Session) -> anyhow::Result<Measured> {
-    let mut rng = session.rng();
-    let split = variance(grid)?;
-    let ask = |k: usize| RetrievalOptions {
-        k,
-        tolerance: options.tolerance,
-        queries: options.queries,
-        ..RetrievalOptions::default()
-    };
-    let retrievals = options.k.iter().map(|&k| retrieval(grid, ask(k), &mut rng)).collect::<Result<_, _>>()?;
-    Ok(Measured { split, retrievals })
-}
-
-/// The same numbers for features of past actions alone; none without a recording.
-fn control(options: &Options, session: &mut Session) -> anyhow::Result<Option<Measured>> {
+/// Features of past actions, with their dimensions; none without a recording.
+fn past_actions(session: &mut Session) -> anyhow::Result<Option<(usize, Vec<f32>)>> {
     let Some(frames) = session.frames()? else {
         if !session.without_frames() {
             session.remark("these latents name no recording, so there is no action-only control");
         }
         return Ok(None);
     };
-    let (dims, values) = action_features(&session.latents, &frames);
-    let l = &session.latents;
-    let table = Table::new(dims, &values, &l.episode, &l.step)?.with_grid(&l.state, &l.distractor)?;
-    Ok(Some(measure(&grid(table)?, options, session)?))
+    Ok(Some(action_features(&session.latents, &frames)))
 }
 
-fn draw(session: &Session, measured: &Measured, control: Option<&Measured>) -> Bars {
-    let bar =
-        |label: &str, i: &Interval, chance| Bar { label: label.into(), value: i.estimate, interval: ends(i), chance };
-    let s = &measured.split;
-    let shares = vec![
-        bar("state", &s.state, Some(s.state_of_noise)),
-        bar("distractor", &s.distractor, None),
-        bar("interaction", &s.interaction, None),
-    ];
-    let mut found: Vec<Bar> = measured
-        .retrievals
-        .iter()
-        .map(|r| bar(&format!("latent, {} nearest", r.k), &r.found, Some(r.chance)))
-        .collect();
-    let controls = control.into_iter().flat_map(|c| &c.retrievals);
-    found.extend(controls.map(|r| bar(&format!("actions only, {} nearest", r.k), &r.found, Some(r.chance))));
+fn table<'a>(session: &'a Session, (dims, values): &'a (usize, Vec<f32>)) -> anyhow::Result<Table<'a>> {
+    let l = &session.latents;
+    Ok(Table::new(*dims, values, &l.episode, &l.step)?.with_grid(&l.state, &l.distractor)?)
+}
+
+fn draw(session: &Session, numbers: &Numbers) -> Bars {
+    let bar = |label: String, i: &Interval, chance: f64| Bar {
+        label,
+        value: i.estimate,
+        interval: ends(i),
+        chance: chance.is_finite().then_some(chance),
+    };
+    let shares = numbers.iter().filter_map(|n| Some((n.name.strip_suffix("_share")?, n)));
+    let shares = shares.map(|(name, n)| bar(name.replace('_', " "), &n.value, n.chance)).collect();
+    let retrievals: Vec<&Number> = numbers.iter().filter(|n| n.name.starts_with("retrieval")).collect();
+    let mut found: Vec<Bar> =
+        retrievals.iter().map(|n| bar(format!("latent, {}", n.name), &n.value, n.chance)).collect();
+    let control = |n: &&Number| Some(bar(format!("actions only, {}", n.name), &n.past_actions?, n.chance));
+    found.extend(retrievals.iter().filter_map(control));
     let whole = Some((0.0, 1.0));
     Bars {
         heading: session.heading("Same state, other distractor: same latent?"),
         groups: vec![
             BarGroup { axis: "share of the latents' variance".into(), range: whole, bars: shares },
-            BarGroup { axis: "share of rows whose state is found again".into(), range: whole, bars: found },
+            BarGroup { axis: "share of rows whose state is found".into(), range: whole, bars: found },
         ],
     }
 }

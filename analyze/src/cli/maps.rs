@@ -28,18 +28,18 @@ pub(super) struct MapOptions {
     /// The distance between latents: standardized, euclidean or cosine.
     #[arg(long, default_value = "euclidean", value_parser = Metric::from_str)]
     pub(super) metric: Metric,
-    /// UMAP: size of a neighbourhood, the point itself included.
-    #[arg(long, default_value_t = 15)]
-    pub(super) neighbours: usize,
+    /// UMAP: size of a neighbourhood, the point itself included [default: 15, or all rows where there are fewer].
+    #[arg(long)]
+    pub(super) neighbours: Option<usize>,
     /// UMAP: how close points may lie on the map.
     #[arg(long, default_value_t = 0.1)]
     pub(super) min_dist: f64,
     /// UMAP: scale of the map.
     #[arg(long, default_value_t = 1.0)]
     pub(super) spread: f64,
-    /// t-SNE: the effective size of a neighbourhood.
-    #[arg(long, default_value_t = 30.0)]
-    pub(super) perplexity: f64,
+    /// t-SNE: the effective size of a neighbourhood [default: 30, or a third of the other rows where there are fewer than 91].
+    #[arg(long)]
+    pub(super) perplexity: Option<f64>,
     /// UMAP: rounds of the layout [default: 500, above 10,000 rows 200].
     #[arg(long)]
     pub(super) epochs: Option<usize>,

@@ -1,11 +1,13 @@
 //! `nn`: what is near what. Queries above their nearest neighbours (Figures 4b and 5 of the paper).
 
+use std::collections::BTreeSet;
 use std::str::FromStr;
 
 use rand::Rng;
 use rand::seq::index;
 use serde::Serialize;
 use serde_json::json;
+use vibes_data::About;
 
 use super::invariance::text;
 use super::session::{Input, Session};
@@ -39,9 +41,11 @@ pub(super) struct Options {
     /// How queries are drawn: `random`, or `mix` of half on-goal and half off-goal rows (reward above and below half of the largest).
     #[arg(long, value_enum, default_value_t = Select::Random)]
     select: Select,
-    /// Which rows cannot be neighbours: those of the query's `trajectory` (its episode), those of its `state` trajectory on a grid, or only the `row` itself.
-    #[arg(long, value_enum, default_value_t = Excluded::Trajectory)]
-    exclude: Excluded,
+    /// Which rows cannot be neighbours: those of the query's `trajectory` (its episode), those of its `state` trajectory on a grid, or only the `row` itself
+    /// [default: state on a grid of a task with a symmetry, such as reacher's, so that the sheet shows other states that the latent takes for the
+    /// same; else trajectory].
+    #[arg(long, value_enum)]
+    exclude: Option<Excluded>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -87,17 +91,18 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let given = json!({
         "queries": options.queries, "rows": options.rows.iter().map(|r| [r.episode, r.step]).collect::<Vec<_>>(), "k": options.k,
         "metric": options.metric.name(), "select": format!("{:?}", options.select).to_lowercase(),
-        "exclude": format!("{:?}", options.exclude).to_lowercase(),
+        "exclude": options.exclude.map(|e| format!("{e:?}").to_lowercase()),
     });
     let mut session = Session::open(&options.input, globals, "nn", given)?;
     let queries = choose(options, &mut session)?;
-    let labels = state_labels(options, &session)?;
-    let exclude = match (options.exclude, &labels) {
+    let frames = session.frames()?;
+    let excluded = options.exclude.unwrap_or_else(|| usual_exclusion(&session, frames.as_ref()));
+    let labels = state_labels(excluded, &session)?;
+    let exclude = match (excluded, &labels) {
         (Excluded::State, Some(labels)) => Exclude::Group(labels),
         (Excluded::Row, _) => Exclude::Itself,
         _ => Exclude::Trajectory,
     };
-    let frames = session.frames()?;
     let (found, constant) = {
         let space = Space::new(session.table()?, options.metric)?;
         (nearest(&space, &queries, options.k, exclude)?, space.constant_dims().to_vec())
@@ -106,7 +111,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         session.remark(format!("latent dimensions {constant:?} are constant and were left out of the distance"));
     }
     let error = frames.as_ref().and_then(|frames| state_error_of(&session, frames, &queries, &found));
-    write_numbers(options, &mut session, &queries, &found, error)?;
+    write_numbers(options, excluded, &mut session, &queries, &found, error)?;
     let line = draw(options, &mut session, frames.as_ref(), &queries, &found)?;
     let error = error.map_or_else(String::new, |e| {
         format!("; task state off by {} of a random pair's {}", text(&e.neighbours), text(&e.random))
@@ -116,7 +121,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
 
 /// How far the neighbours' task state is from the query's; none if the recording's observations do not vary.
 fn state_error_of(session: &Session, frames: &Frames, queries: &[usize], found: &Neighbours) -> Option<StateError> {
-    let states = frames.observations(&session.latents);
+    let states = frames.task_state(&session.latents);
     state_error(&session.table().ok()?, &states, queries, found, &mut session.rng())
 }
 
@@ -176,9 +181,19 @@ fn goal(session: &Session) -> Option<f32> {
     (lo < hi && hi > 0.0).then_some(hi / 2.0)
 }
 
+/// On a grid the nearest are usually other views of the query's own state, which shows invariance. Where a task has a symmetry, the question is which
+/// *other* states come together.
+fn usual_exclusion(session: &Session, frames: Option<&Frames>) -> Excluded {
+    let has_symmetry = frames.is_some_and(|frames| {
+        frames.recording().manifest().spec.quantities.iter().any(|quantity| quantity.about == About::Symmetry)
+    });
+    let states: BTreeSet<Option<u32>> = session.latents.state.iter().copied().collect();
+    if has_symmetry && states.len() > 1 && !states.contains(&None) { Excluded::State } else { Excluded::Trajectory }
+}
+
 /// One label a state trajectory, for `--exclude state`.
-fn state_labels(options: &Options, session: &Session) -> anyhow::Result<Option<Vec<u32>>> {
-    if options.exclude != Excluded::State {
+fn state_labels(excluded: Excluded, session: &Session) -> anyhow::Result<Option<Vec<u32>>> {
+    if excluded != Excluded::State {
         return Ok(None);
     }
     let labels: Option<Vec<u32>> = session.latents.state.iter().copied().collect();
@@ -187,6 +202,7 @@ fn state_labels(options: &Options, session: &Session) -> anyhow::Result<Option<V
 
 fn write_numbers(
     options: &Options,
+    excluded: Excluded,
     session: &mut Session,
     queries: &[usize],
     found: &Neighbours,
@@ -215,7 +231,7 @@ fn write_numbers(
     ];
     session.write_json(
         "neighbours",
-        &json!({ "metric": options.metric.name(), "k": options.k, "queries": list, "state_error": error }),
+        &json!({ "metric": options.metric.name(), "k": options.k, "excluded": format!("{excluded:?}").to_lowercase(), "queries": list, "state_error": error }),
     )?;
     session.write_arrow("neighbours", &table)
 }

@@ -1,56 +1,120 @@
 //! `probe`: what can be read from the latent?
 
+use std::path::{Path, PathBuf};
+
 use serde_json::json;
-use vibes_data::Latents;
+use vibes_data::{About, Latents, Readable};
 
 use super::invariance::ends;
 use super::session::{Input, Session};
-use super::{Globals, Outcome};
+use super::{Globals, Outcome, wrong};
 use crate::actions::action_features;
 use crate::figures::{Figure, ProbeChart, ProbeMark, ProbeRow};
-use crate::input::Frames;
+use crate::input::{Frames, find_recording, read_latents};
 use crate::output::Column;
 use vibes_measure::Table;
 use vibes_measure::intervals::Interval;
-use vibes_measure::probes::{HoldOut, Probe, ProbeOptions, ProbeScore, Quantity, Values, probe};
+use vibes_measure::numbers::probe_numbers;
+use vibes_measure::probes::{Fit, HoldOut, Probe, ProbeOptions, ProbeScore, Quantity, Sample, Values, probe};
 
-/// Ridge and kNN probes on held-out trajectories: from the latent to each task quantity (high is good) and to each distractor parameter
-/// (chance is good), with an action-only and a shuffled control.
+/// Linear and kNN probes on trajectories that they were not fitted on: from the latent to each task quantity (high is good) and to each distractor
+/// parameter (chance is good), with an action-only and a shuffled control.
+///
+/// Probes of numbers are fitted on the other trajectories of the same table, or with --fit on the latents of another recording, such as the training
+/// recordings: the ten states of a grid are few to fit on.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     #[command(flatten)]
     input: Input,
+    /// Latents of the same model that probes of numbers are fitted on, as of a training recording (`vibes-train encode RUN RECORDING`).
+    #[arg(long, value_name = "LATENTS")]
+    fit: Option<PathBuf>,
+    /// The recording of the latents to fit on [default: the one that they name].
+    #[arg(long, value_name = "FOLDER", requires = "fit")]
+    fit_recording: Option<PathBuf>,
 }
 
 const TASK: &str = "task: high is good";
+const SYMMETRY: &str = "superfluous by symmetry";
 const DISTRACTORS: &str = "distractors: at chance is good";
-/// A standard deviation below this share of the largest value is no variation.
-const FLAT: f64 = 1e-9;
+
+fn section(about: About) -> &'static str {
+    match about {
+        About::Task => TASK,
+        About::Symmetry => SYMMETRY,
+        About::Distractor => DISTRACTORS,
+    }
+}
+
+/// Latents, the features of the same rows' past actions, and their recording.
+struct Rows {
+    latents: Latents,
+    actions: (usize, Vec<f32>),
+    frames: Frames,
+}
+
+impl Rows {
+    fn new(latents: Latents, frames: Frames) -> Self {
+        let actions = action_features(&latents, &frames);
+        Self { latents, actions, frames }
+    }
+
+    fn table<'a>(&'a self, dims: usize, values: &'a [f32]) -> Result<Table<'a>, vibes_measure::Error> {
+        let l = &self.latents;
+        Table::new(dims, values, &l.episode, &l.step)?.with_grid(&l.state, &l.distractor)
+    }
+
+    /// The tables of the latents and of past actions.
+    fn tables(&self) -> Result<[Table<'_>; 2], vibes_measure::Error> {
+        Ok([self.table(self.latents.dims, &self.latents.latent)?, self.table(self.actions.0, &self.actions.1)?])
+    }
+
+    /// The values of a quantity; none if some row has none.
+    fn quantity(&self, readable: &Readable) -> Option<Quantity> {
+        let l = &self.latents;
+        let of = |row: usize| readable.value(self.frames.view(l.episode[row])?, l.step[row] as usize);
+        let values: Vec<f64> = (0..l.len()).map(of).collect::<Option<_>>()?;
+        let on_grid = l.state.iter().all(Option::is_some);
+        let hold_out = match readable.about {
+            About::Distractor => HoldOut::of_distractor(readable.is_class(), on_grid),
+            _ => HoldOut::State,
+        };
+        let values = if readable.is_class() {
+            Values::Classes(values.into_iter().map(|class| class as u32).collect())
+        } else {
+            Values::Numbers(values)
+        };
+        Some(Quantity { name: readable.name.clone(), hold_out, values })
+    }
+}
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
-    let mut session = Session::open(&options.input, globals, "probe", json!({}))?;
+    let given = json!({ "fit": options.fit });
+    let mut session = Session::open(&options.input, globals, "probe", given)?;
     let frames = session.needed_frames("probe")?;
     let (latents, outside) = usable(&session.latents);
     if outside > 0 {
         session.remark(format!("{outside} rows lie outside the grid that the others are on and were left out"));
     }
-    let (kept, flat): (Vec<_>, Vec<_>) =
-        quantities(&latents, &frames).into_iter().partition(|(_, q)| varies(&q.values));
-    if !flat.is_empty() {
-        let names: Vec<&str> = flat.iter().map(|(_, q)| q.name.as_str()).collect();
-        session.remark(format!("{} do not vary in this recording and were left out", names.join(", ")));
-    }
-    if kept.is_empty() {
+    let judged = Rows::new(latents, frames);
+    let fitted = options.fit.as_deref().map(|path| open_to_fit(path, options.fit_recording.as_deref())).transpose()?;
+    let (sections, quantities, to_fit) = quantities(&mut session, &judged, fitted.as_ref());
+    if quantities.is_empty() {
         anyhow::bail!(
             "there is nothing to read off these {} latents: nothing in their recording varies: {}",
-            latents.len(),
+            judged.latents.len(),
             session.path.display()
         );
     }
-    let (sections, quantities): (Vec<&str>, Vec<Quantity>) = kept.into_iter().unzip();
-    let of_latent = scores(&session, &latents, latents.dims, &latents.latent, &sections, &quantities)?;
-    let (dims, values) = action_features(&latents, &frames);
-    let of_actions = scores(&session, &latents, dims, &values, &sections, &quantities)?;
+    let tables = judged.tables()?;
+    let tables_to_fit = fitted.as_ref().map(Rows::tables).transpose()?;
+    let scores = |at: usize| {
+        let judged = Sample { table: tables[at], quantities: &quantities };
+        let fit =
+            tables_to_fit.map_or(Fit::HeldOut, |tables| Fit::On(Sample { table: tables[at], quantities: &to_fit }));
+        probe(judged, fit, ProbeOptions::default(), &mut session.rng())
+    };
+    let (of_latent, of_actions) = (scores(0)?, scores(1)?);
     session.save(&Figure::ProbeChart(draw(&session, &sections, &quantities, &of_latent, &of_actions)), "probes")?;
     write(&mut session, &sections, &quantities, &of_latent, &of_actions)?;
     let mean = |section: &str| {
@@ -65,27 +129,51 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     Ok(session.finish(line))
 }
 
-/// Task quantities are held out by state trajectory, since the cells of a row share their states; distractors by episode, since the cells of a
-/// column share their distractors, and shuffling whole state trajectories would leave them where they are.
-fn scores(
-    session: &Session,
-    l: &Latents,
-    dims: usize,
-    values: &[f32],
-    sections: &[&str],
-    quantities: &[Quantity],
-) -> anyhow::Result<Vec<ProbeScore>> {
-    let table = Table::new(dims, values, &l.episode, &l.step)?.with_grid(&l.state, &l.distractor)?;
-    let mut rng = session.rng();
-    let mut all = Vec::new();
-    for (section, hold_out) in [(TASK, HoldOut::State), (DISTRACTORS, HoldOut::Episode)] {
-        let own: Vec<Quantity> =
-            sections.iter().zip(quantities).filter(|(s, _)| **s == section).map(|(_, q)| q.clone()).collect();
-        if !own.is_empty() {
-            all.extend(probe(&table, &own, ProbeOptions { hold_out, ..ProbeOptions::default() }, &mut rng)?);
+/// The latents to fit on, with their recording.
+fn open_to_fit(path: &Path, recording: Option<&Path>) -> anyhow::Result<Rows> {
+    let (latents, _) = usable(&read_latents(path)?);
+    let named = latents.source.recording.as_deref().and_then(|named| find_recording(named, path));
+    let missing = || {
+        wrong(format!(
+            "the recording of the latents to fit on is not there; name it with --fit-recording: {}",
+            path.display()
+        ))
+    };
+    let recording = recording.map(Path::to_path_buf).or(named).ok_or_else(missing)?;
+    let frames = Frames::open(&recording, &latents)?;
+    Ok(Rows::new(latents, frames))
+}
+
+/// The quantities that vary with the section of each, and their values in the rows to fit on.
+fn quantities(
+    session: &mut Session,
+    judged: &Rows,
+    fitted: Option<&Rows>,
+) -> (Vec<&'static str>, Vec<Quantity>, Vec<Quantity>) {
+    let (mut sections, mut own, mut theirs, mut flat) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let others = fitted.map(|rows| rows.frames.recording().manifest().spec.readable()).unwrap_or_default();
+    for readable in judged.frames.recording().manifest().spec.readable() {
+        let Some(quantity) = judged.quantity(&readable) else { continue };
+        if !quantity.values.vary() {
+            flat.push(quantity.name);
+            continue;
         }
+        if let Some(rows) = fitted {
+            let same = others.iter().find(|other| other.name == readable.name).and_then(|other| rows.quantity(other));
+            match same {
+                Some(same) => theirs.push(same),
+                // Classes are never fitted elsewhere; any values keep their place.
+                None if readable.is_class() => theirs.push(quantity.clone()),
+                None => continue,
+            }
+        }
+        sections.push(section(readable.about));
+        own.push(quantity);
     }
-    Ok(all)
+    if !flat.is_empty() {
+        session.remark(format!("{} do not vary in this recording and were left out", flat.join(", ")));
+    }
+    (sections, own, theirs)
 }
 
 /// The rows that have a reward, so that every quantity has a value in every row (all rows if none has), and a cell if any has one, so that no
@@ -115,41 +203,6 @@ fn usable(l: &Latents) -> (Latents, usize) {
     (kept, outside)
 }
 
-/// All quantities with their sections: the task's observation and reward, then camera, background and colours.
-fn quantities(l: &Latents, frames: &Frames) -> Vec<(&'static str, Quantity)> {
-    let spec = &frames.recording().manifest().spec;
-    let number = |section, name: String, values| (section, Quantity { name, values: Values::Numbers(values) });
-    let columns = |section, names: &[String], values: &[f64]| -> Vec<(&'static str, Quantity)> {
-        let column = |i: usize| values.iter().skip(i).step_by(names.len()).copied().collect();
-        names.iter().enumerate().map(|(i, name)| number(section, name.clone(), column(i))).collect()
-    };
-    let mut all = columns(TASK, &spec.observation_names(), &frames.observations(l));
-    if let Some(rewards) = l.reward.iter().map(|r| r.map(f64::from)).collect::<Option<Vec<f64>>>() {
-        all.push(number(TASK, "reward".into(), rewards));
-    }
-    let camera = ["distance", "azimuth", "inclination", "roll"].map(|n| format!("camera {n}"));
-    all.extend(columns(DISTRACTORS, &camera, &frames.cameras(l)));
-    if let Some(shown) = frames.backgrounds(l).into_iter().collect::<Option<Vec<(u32, u32)>>>() {
-        let videos = Values::Classes(shown.iter().map(|b| b.0).collect());
-        all.push((DISTRACTORS, Quantity { name: "video".into(), values: videos }));
-        all.push(number(DISTRACTORS, "video frame".into(), shown.iter().map(|b| f64::from(b.1)).collect()));
-    }
-    let names: Vec<String> =
-        spec.materials.iter().flat_map(|m| ["red", "green", "blue"].map(|c| format!("{m} {c}"))).collect();
-    all.extend(columns(DISTRACTORS, &names, &frames.colors(l)));
-    all
-}
-
-fn varies(values: &Values) -> bool {
-    match values {
-        Values::Classes(classes) => classes.iter().any(|c| *c != classes[0]),
-        Values::Numbers(v) => {
-            let (lo, hi) = v.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), &x| (lo.min(x), hi.max(x)));
-            hi - lo > FLAT * hi.abs().max(lo.abs()).max(1e-300)
-        }
-    }
-}
-
 /// A score on the chart's scale: R² as it is; an accuracy as its share of the way from chance to 1.
 fn scaled(i: &Interval, score: &ProbeScore) -> Interval {
     if score.measure != "accuracy" {
@@ -164,7 +217,7 @@ fn find<'s>(scores: &'s [ProbeScore], name: &str, which: Probe) -> Option<&'s Pr
 }
 
 fn mean_score(section: &str, sections: &[&str], quantities: &[Quantity], scores: &[ProbeScore]) -> Option<f64> {
-    let of = |q: &Quantity| find(scores, &q.name, Probe::Ridge).map(|s| scaled(&s.score, s).estimate);
+    let of = |q: &Quantity| find(scores, &q.name, Probe::Linear).map(|s| scaled(&s.score, s).estimate);
     let values: Vec<f64> = sections
         .iter()
         .zip(quantities)
@@ -190,10 +243,10 @@ fn draw(
                 marks.push(ProbeMark { source, score: i.estimate, interval: ends(&i) });
             }
         };
-        mark(0, find(scores, &q.name, Probe::Ridge), false);
+        mark(0, find(scores, &q.name, Probe::Linear), false);
         mark(1, find(scores, &q.name, Probe::Knn), false);
-        mark(2, find(control, &q.name, Probe::Ridge), false);
-        mark(3, find(scores, &q.name, Probe::Ridge), true);
+        mark(2, find(control, &q.name, Probe::Linear), false);
+        mark(3, find(scores, &q.name, Probe::Linear), true);
         ProbeRow { section: (*section).into(), quantity: q.name.clone(), marks }
     };
     let (colors, single): (Vec<_>, Vec<_>) = sections.iter().zip(quantities).partition(|(_, q)| is_color(&q.name));
@@ -243,12 +296,7 @@ fn write(
     scores: &[ProbeScore],
     control: &[ProbeScore],
 ) -> anyhow::Result<()> {
-    let section = |name: &str| {
-        quantities
-            .iter()
-            .position(|q| q.name == name)
-            .map_or("", |i| if sections[i] == TASK { "task" } else { "distractor" })
-    };
+    let section = |name: &str| quantities.iter().position(|q| q.name == name).map_or("", |i| short(sections[i]));
     let all: Vec<(&str, &ProbeScore)> =
         scores.iter().map(|s| ("latent", s)).chain(control.iter().map(|s| ("past_actions", s))).collect();
     let texts =
@@ -267,10 +315,17 @@ fn write(
         ("chance", numbers(&|s| s.chance)),
     ];
     session.write_arrow("probes", &table)?;
-    let sections: Vec<_> = sections
-        .iter()
-        .zip(quantities)
-        .map(|(s, q)| json!({ "quantity": q.name, "section": if *s == TASK { "task" } else { "distractor" } }))
-        .collect();
-    session.write_json("probes", &json!({ "quantities": sections, "latent": scores, "past_actions": control }))
+    let sections: Vec<_> =
+        sections.iter().zip(quantities).map(|(s, q)| json!({ "quantity": q.name, "section": short(s) })).collect();
+    let numbers = probe_numbers("s", scores, Some(control));
+    let all = json!({ "numbers": numbers, "quantities": sections, "latent": scores, "past_actions": control });
+    session.write_json("probes", &all)
+}
+
+/// A section's name in tables.
+fn short(section: &str) -> &'static str {
+    [About::Task, About::Symmetry, About::Distractor]
+        .into_iter()
+        .find(|about| self::section(*about) == section)
+        .map_or("", About::name)
 }

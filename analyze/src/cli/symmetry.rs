@@ -12,11 +12,16 @@ use vibes_data::Latents;
 use super::invariance::{ends, text};
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
+use crate::actions::action_features;
 use crate::figures::{Bar, BarGroup, Bars, Figure, NeighbourSheet, SheetColumn, Thumb};
 use crate::input::{Frames, find_recording, read_latents};
 use crate::output::Column;
 use vibes_measure::Table;
-use vibes_measure::symmetry::{ReacherState, SymmetricPair, Symmetry, SymmetryOptions, rotated_pairs, symmetry};
+use vibes_measure::intervals::Interval;
+use vibes_measure::numbers::{Number, Numbers};
+use vibes_measure::symmetry::{
+    ReacherState, SymmetricPair, Symmetry, SymmetryOptions, matches, rotated_pairs, symmetry,
+};
 
 /// Reacher: latent distance between a row and a rotation of its state, against a row whose picture is as far away.
 ///
@@ -53,14 +58,23 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let frames = session.needed_frames("symmetry")?;
     let asked = SymmetryOptions { pairs: options.pairs, tolerance: options.tolerance, ..SymmetryOptions::default() };
     let mut rng = session.rng();
-    let own = states(&session.latents, &frames)?;
+    let mut all_states = states(&session.latents, &frames)?;
     let mut rows = Rows { latents: session.latents.clone(), frames: vec![frames], own: session.latents.len() };
     let pairs = match &options.rotated {
-        None => rotated_pairs(&rows.table()?, &own, asked, &mut rng)?,
-        Some(path) => rows.append_rotated(path, options.rotated_recording.as_deref(), &own, asked, &mut rng)?,
+        None => rotated_pairs(&rows.table()?, &all_states, asked, &mut rng)?,
+        Some(path) => {
+            rows.append_rotated(path, options.rotated_recording.as_deref(), &mut all_states, asked, &mut rng)?
+        }
     };
-    let measured = symmetry(&rows.table()?, &pairs, |a, b| rows.image_distance(a, b), asked, &mut rng)?;
-    let bars = bars(&session, &measured);
+    let table = rows.table()?;
+    let drawn = matches(&table, &all_states, &pairs, |a, b| rows.image_distance(a, b), asked, &mut rng)?;
+    let measured = symmetry(&table, &drawn, asked, &mut session.rng())?;
+    let (dims, actions) = rows.past_actions();
+    let of_actions = symmetry(&rows.table_of(dims, &actions)?, &drawn, asked, &mut session.rng()).ok();
+    let distances = ReacherState::distance_table(&all_states);
+    let of_distance = symmetry(&rows.table_of(1, &distances)?, &drawn, asked, &mut session.rng()).ok();
+    let numbers = numbers(&measured, of_actions.as_ref());
+    let bars = bars(&session, &measured, of_actions.as_ref(), of_distance.as_ref());
     session.save(&Figure::Bars(bars), "symmetry")?;
     if rows.frames[0].recording().manifest().spec.pixels.is_some() {
         let sheet = sheet(&session, &rows, &measured);
@@ -72,28 +86,32 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         .iter()
         .map(|p| json!({ "row": key(p.row), "rotated": key(p.rotated), "latent": p.latent, "image": p.image, "matched": key(p.matched), "matched_is_rotated": p.matched >= rows.own, "matched_latent": p.matched_latent, "matched_image": p.matched_image }))
         .collect();
-    session.write_json("symmetry", &json!({ "ratio": measured.ratio, "closer": measured.closer, "pairs": pairs }))?;
+    let of_distance = of_distance.as_ref().map(|control| self::numbers(control, None));
+    session.write_json("symmetry", &json!({ "numbers": numbers, "distance_only": of_distance, "pairs": pairs }))?;
     let keys = |part: usize, of: fn(&SymmetricPair) -> usize| {
         Column::UInt32(measured.pairs.iter().map(|p| rows.key(of(p))[part]).collect())
     };
-    let numbers = |of: fn(&SymmetricPair) -> f64| Column::Float64(measured.pairs.iter().map(of).collect());
+    let column = |of: fn(&SymmetricPair) -> f64| Column::Float64(measured.pairs.iter().map(of).collect());
     let columns = [
         ("episode", keys(0, |p| p.row)),
         ("step", keys(1, |p| p.row)),
         ("rotated_episode", keys(0, |p| p.rotated)),
         ("rotated_step", keys(1, |p| p.rotated)),
-        ("latent", numbers(|p| p.latent)),
-        ("image", numbers(|p| p.image)),
+        ("latent", column(|p| p.latent)),
+        ("image", column(|p| p.image)),
         ("matched_episode", keys(0, |p| p.matched)),
         ("matched_step", keys(1, |p| p.matched)),
-        ("matched_latent", numbers(|p| p.matched_latent)),
-        ("matched_image", numbers(|p| p.matched_image)),
+        ("matched_latent", column(|p| p.matched_latent)),
+        ("matched_image", column(|p| p.matched_image)),
+        ("percentile", column(|p| p.percentile)),
     ];
     session.write_arrow("symmetry", &columns)?;
     let line = format!(
-        "symmetry: rotated pairs are {} times as far apart as pairs that look as different (0 is symmetric, 1 is not), over {} pairs",
+        "symmetry: rotated pairs are {} times as far apart as pairs that look as different (0 is symmetric, 1 is not), over {} pairs; a twin is nearer than {} of the rows that look as different, {} of those whose target is equally far (0.5 says nothing)",
         text(&measured.ratio),
-        measured.pairs.len()
+        measured.pairs.len(),
+        text(&measured.percentile),
+        text(&measured.percentile_equal_distance)
     );
     Ok(session.finish(line))
 }
@@ -108,8 +126,27 @@ struct Rows {
 
 impl Rows {
     fn table(&self) -> Result<Table<'_>, vibes_measure::Error> {
+        self.table_of(self.latents.dims, &self.latents.latent)
+    }
+
+    /// Other features of the same rows.
+    fn table_of<'a>(&'a self, dims: usize, values: &'a [f32]) -> Result<Table<'a>, vibes_measure::Error> {
         let l = &self.latents;
-        Table::new(l.dims, &l.latent, &l.episode, &l.step)?.with_grid(&l.state, &l.distractor)
+        Table::new(dims, values, &l.episode, &l.step)?.with_grid(&l.state, &l.distractor)
+    }
+
+    /// Features of past actions of all rows, with their dimensions.
+    fn past_actions(&self) -> (usize, Vec<f32>) {
+        let part = |rows: std::ops::Range<usize>| Latents {
+            episode: rows.clone().map(|row| self.key(row)[0]).collect(),
+            step: self.latents.step[rows].to_vec(),
+            ..Latents::default()
+        };
+        let (dims, mut values) = action_features(&part(0..self.own), &self.frames[0]);
+        if let Some(frames) = self.frames.get(1) {
+            values.extend(action_features(&part(self.own..self.latents.len()), frames).1);
+        }
+        (dims, values)
     }
 
     /// What is added to the episode numbers of rotated rows.
@@ -143,7 +180,7 @@ impl Rows {
         &mut self,
         path: &Path,
         recording: Option<&Path>,
-        states_of_own: &[ReacherState],
+        all_states: &mut Vec<ReacherState>,
         options: SymmetryOptions,
         rng: &mut impl Rng,
     ) -> anyhow::Result<Vec<(usize, usize)>> {
@@ -171,7 +208,7 @@ impl Rows {
             (0..turned.len()).map(|row| ((turned.episode[row], turned.step[row]), row)).collect();
         let partner = |row: usize| Some((row, *at.get(&(l.episode[row], l.step[row]))?));
         let mut pairs: Vec<(usize, usize)> = (0..self.own).filter_map(partner).collect();
-        let is_rotation = |&(a, b): &(usize, usize)| states_of_own[a].is_rotation_of(states_of_turned[b], options);
+        let is_rotation = |&(a, b): &(usize, usize)| all_states[a].is_rotation_of(states_of_turned[b], options);
         if pairs.is_empty() || !pairs.iter().all(is_rotation) {
             return Err(wrong(format!(
                 "the rows of these latents are not rotations of the others' (by at least 45 degrees, within {} m); make them with `vibes-collect render --rotate`: {}",
@@ -187,6 +224,7 @@ impl Rows {
         l.distractor.extend(&turned.distractor);
         l.latent.extend(&turned.latent);
         self.frames.push(frames);
+        all_states.extend(states_of_turned);
         Ok(pairs.into_iter().map(|(row, turned)| (row, self.own + turned)).collect())
     }
 }
@@ -244,36 +282,57 @@ fn finger([shoulder, wrist]: [f64; 2]) -> [f64; 2] {
     [LINK * (shoulder.cos() + (shoulder + wrist).cos()), LINK * (shoulder.sin() + (shoulder + wrist).sin())]
 }
 
-fn bars(session: &Session, measured: &Symmetry) -> Bars {
-    let mean = |of: fn(&SymmetricPair) -> f64| measured.pairs.iter().map(of).sum::<f64>() / measured.pairs.len() as f64;
-    let plain = |label: &str, value: f64| Bar { label: label.into(), value, interval: None, chance: None };
-    let with = |label: &str, i: &vibes_measure::intervals::Interval, chance: f64| Bar {
-        label: label.into(),
-        value: i.estimate,
-        interval: ends(i),
-        chance: Some(chance),
+/// The numbers under their names, beside those of past actions.
+fn numbers(measured: &Symmetry, of_actions: Option<&Symmetry>) -> Numbers {
+    let number = |name: &str, of: fn(&Symmetry) -> Interval, chance: f64| Number {
+        name: name.to_owned(),
+        value: of(measured),
+        chance,
+        past_actions: of_actions.map(of),
     };
+    [
+        number("symmetry_ratio", |s| s.ratio, 1.0),
+        number("symmetry_percentile", |s| s.percentile, 0.5),
+        number("symmetry_percentile_equal_distance", |s| s.percentile_equal_distance, 0.5),
+    ]
+    .into_iter()
+    .collect()
+}
+
+fn bars(session: &Session, measured: &Symmetry, of_actions: Option<&Symmetry>, of_distance: Option<&Symmetry>) -> Bars {
+    let sources =
+        [("latent", Some(measured)), ("past actions only", of_actions), ("distance to target only", of_distance)];
+    let group = |axis: &str, range, of: fn(&Symmetry) -> Interval, chance: f64| BarGroup {
+        axis: axis.into(),
+        range,
+        bars: sources
+            .iter()
+            .filter_map(|(label, found)| Some((label, of((*found)?))))
+            .map(|(label, i)| Bar {
+                label: (*label).into(),
+                value: i.estimate,
+                interval: ends(&i),
+                chance: Some(chance),
+            })
+            .collect(),
+    };
+    let whole = Some((0.0, 1.0));
     Bars {
         heading: session.heading("Is the latent symmetric under rotation?"),
         groups: vec![
-            BarGroup {
-                axis: "mean latent distance (standardized L2)".into(),
-                range: None,
-                bars: vec![
-                    plain("rotated state", mean(|p| p.latent)),
-                    plain("picture as different", mean(|p| p.matched_latent)),
-                ],
-            },
-            BarGroup {
-                axis: "ratio of the two: 0 is symmetric".into(),
-                range: None,
-                bars: vec![with("rotated / as different", &measured.ratio, 1.0)],
-            },
-            BarGroup {
-                axis: "share of rows closer to their rotation".into(),
-                range: Some((0.0, 1.0)),
-                bars: vec![with("rotation is closer", &measured.closer, 0.5)],
-            },
+            group(
+                "latent distance to the rotated twin / to a row that looks as different: 0 is symmetric",
+                None,
+                |s| s.ratio,
+                1.0,
+            ),
+            group(
+                "share of rows that look as different and lie farther away than the twin",
+                whole,
+                |s| s.percentile,
+                0.5,
+            ),
+            group("the same among rows whose target is equally far", whole, |s| s.percentile_equal_distance, 0.5),
         ],
     }
 }

@@ -80,32 +80,14 @@ impl Frames {
             .then(|| Arc::new(Pixels { width: size.width, height: size.height, rgb: rgb.to_vec() }))
     }
 
-    /// The task's vector observation of every row of the latents, `[rows, observation]`.
+    /// The task's state of every row, `[rows, quantities]`: the recording's task quantities, with angles as cosine and sine and without what a symmetry makes
+    /// superfluous; the vector observation where the recording names none.
     #[must_use]
-    pub fn observations(&self, latents: &Latents) -> Vec<f64> {
-        self.rows(latents, |view, step| view.observation(step).iter().map(|&v| f64::from(v)).collect())
-    }
-
-    /// The camera of every row, `[rows, 4]`: r, h, v, roll.
-    #[must_use]
-    pub fn cameras(&self, latents: &Latents) -> Vec<f64> {
-        self.rows(latents, |view, step| {
-            let c = view.camera(step);
-            vec![c.r, c.h, c.v, c.roll]
-        })
-    }
-
-    /// The material colours of every row, `[rows, 3 · materials]`.
-    #[must_use]
-    pub fn colors(&self, latents: &Latents) -> Vec<f64> {
-        self.rows(latents, |view, step| view.colors(step).iter().map(|&v| f64::from(v)).collect())
-    }
-
-    /// The background of every row as (video, frame), `[rows]`; none for the model's own sky.
-    #[must_use]
-    pub fn backgrounds(&self, latents: &Latents) -> Vec<Option<(u32, u32)>> {
-        let at = |row: usize| self.views.get(&latents.episode[row])?.background(latents.step[row] as usize);
-        (0..latents.len()).map(|row| at(row).map(|b| (b.video, b.frame))).collect()
+    pub fn task_state(&self, latents: &Latents) -> Vec<f64> {
+        let all = self.recording.manifest().spec.readable();
+        let state: Vec<_> = all.iter().filter(|readable| readable.is_state()).collect();
+        let of = |view: &EpisodeView, step| state.iter().filter_map(|readable| readable.value(view, step)).collect();
+        self.rows(latents, of)
     }
 
     fn rows(&self, latents: &Latents, of: impl Fn(&EpisodeView, usize) -> Vec<f64>) -> Vec<f64> {

@@ -197,18 +197,18 @@ mod tests {
         write("metrics.jsonl", "{\"update\":100,\"loss\":2.5}\n{\"update\":200,\"loss\":1.5}\n");
         write(
             "evaluations.jsonl",
-            "{\"update\":150,\"retrieval_at_1\":0.5,\"shares\":{\"state\":0.25},\"probes\":[{\"latents\":1}]}\n",
+            "{\"update\":150,\"numbers\":{\"retrieval_same_step@1\":{\"estimate\":0.5},\"state_share\":{\"estimate\":0.25}},\"fitted_on\":null}\n",
         );
         let gaps = |gap: f64, update: u32| {
             format!(
-                "{{\"checkpoint\":\"runs/a/checkpoints/{update:06}/model.safetensors\",\"report\":{{\"retrieval_at_1\":0.9}},\"gaps\":{{\"dynamics_gap\":{gap}}}}}"
+                "{{\"checkpoint\":\"runs/a/checkpoints/{update:06}/model.safetensors\",\"report\":{{\"numbers\":{{\"retrieval_same_step@1\":{{\"estimate\":0.9}}}}}},\"gaps\":{{\"dynamics_gap\":{gap}}}}}"
             )
         };
         write("evaluation.json", &gaps(1.5, 200));
         write("evaluation-early.json", &gaps(4.0, 100));
         let run = Run::read(dir.path()).expect("run");
-        assert_eq!(run.series["held_out.retrieval_at_1"], vec![(150.0, 0.5)]);
-        assert_eq!(run.series["held_out.shares.state"], vec![(150.0, 0.25)]);
+        assert_eq!(run.series["held_out.numbers.retrieval_same_step@1.estimate"], vec![(150.0, 0.5)]);
+        assert_eq!(run.series["held_out.numbers.state_share.estimate"], vec![(150.0, 0.25)]);
         let mut gaps = run.series["held_out.gaps.dynamics_gap"].clone();
         gaps.sort_by(|a, b| a.0.total_cmp(&b.0));
         assert_eq!(gaps, vec![(100.0, 4.0), (200.0, 1.5)]);
@@ -218,7 +218,11 @@ mod tests {
             "{\"env_step\":4000,\"update\":100,\"loss\":2.5}\n{\"env_step\":9000,\"update\":200,\"loss\":1.5}\n",
         );
         let run = Run::read(dir.path()).expect("run");
-        assert_eq!(run.series["held_out.retrieval_at_1"], vec![(9000.0, 0.5)], "in the metrics' own clock");
+        assert_eq!(
+            run.series["held_out.numbers.retrieval_same_step@1.estimate"],
+            vec![(9000.0, 0.5)],
+            "in the metrics' own clock"
+        );
     }
 
     #[test]

@@ -106,6 +106,7 @@ pub(crate) fn write_recording(path: &Path, cells: &[Cell], steps: u32, grid: Opt
             materials: vec!["self".into()],
             control_timestep: 0.02,
             action_repeat: 4,
+            quantities: Vec::new(),
         },
         options: serde_json::json!({}),
         seed: 0,

@@ -89,6 +89,7 @@ impl ImportOptions {
             materials: Vec::new(),
             control_timestep: self.control_timestep.unwrap_or(1.0),
             action_repeat: self.action_repeat.unwrap_or(1),
+            quantities: Vec::new(),
         }
     }
 }

@@ -66,6 +66,7 @@ impl RecordOptions {
             materials: material_names(physics.model()),
             control_timestep: environment.control_timestep(),
             action_repeat: environment.action_repeat(),
+            quantities: environment.quantities(),
         }
     }
 

@@ -22,6 +22,7 @@ pub(crate) fn spec(pixels: bool) -> Spec {
         materials: vec!["self".into(), "grid".into()],
         control_timestep: 0.02,
         action_repeat: 4,
+        quantities: Vec::new(),
     }
 }
 

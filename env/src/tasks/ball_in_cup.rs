@@ -1,9 +1,9 @@
 //! `ball_in_cup-catch`: swing a ball on a string into the cup. Reward 1 while the ball is inside (`dm_control/suite/ball_in_cup.py`).
 
 use rand::{Rng, RngCore};
-use vibes_data::ObservationPart;
+use vibes_data::{ObservationPart, Quantity};
 
-use super::{Actuation, Loaded, PlannerSettings, Registered, Task, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Task, observed, part};
 use crate::distractors::Scenery;
 use crate::physics::{ModelOverrides, Physics, suite_xml};
 use crate::{Error, Result};
@@ -56,6 +56,19 @@ struct BallInCup {
 impl Task for BallInCup {
     fn observation(&self, physics: &Physics) -> Vec<ObservationPart> {
         vec![part("position", physics.qpos().len()), part("velocity", physics.qvel().len())]
+    }
+
+    fn quantities(&self, _: &Physics) -> Vec<Quantity> {
+        observed([
+            "cup position, horizontal",
+            "cup position, vertical",
+            "ball position, horizontal",
+            "ball position, vertical",
+            "cup velocity, horizontal",
+            "cup velocity, vertical",
+            "ball velocity, horizontal",
+            "ball velocity, vertical",
+        ])
     }
 
     /// The ball anywhere in a box above the ground where it touches nothing.

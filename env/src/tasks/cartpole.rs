@@ -3,9 +3,9 @@
 use std::f64::consts::PI;
 
 use rand::RngCore;
-use vibes_data::ObservationPart;
+use vibes_data::{ObservationPart, Quantity};
 
-use super::{Actuation, Loaded, PlannerSettings, Registered, Sigmoid, Task, Tolerance, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Sigmoid, Task, Tolerance, observed, part};
 use crate::Result;
 use crate::distractors::Scenery;
 use crate::gaussian::standard_normal;
@@ -57,6 +57,17 @@ struct Cartpole {
 impl Task for Cartpole {
     fn observation(&self, physics: &Physics) -> Vec<ObservationPart> {
         vec![part("position", 3), part("velocity", physics.qvel().len())]
+    }
+
+    /// The pole's angle is 0 upright. Mirrored states need mirrored actions, so that the sides must be told apart: no symmetry.
+    fn quantities(&self, _: &Physics) -> Vec<Quantity> {
+        observed([
+            "cart position",
+            "cosine of the pole's angle",
+            "sine of the pole's angle",
+            "cart velocity",
+            "pole's angular velocity",
+        ])
     }
 
     /// Almost at rest, the pole hanging: standard deviations of 0.01 in every position and velocity.

@@ -1,9 +1,9 @@
 //! `cheetah-run`: run forwards; the reward grows with speed up to 10 m/s (`dm_control/suite/cheetah.py`).
 
 use rand::{Rng, RngCore};
-use vibes_data::ObservationPart;
+use vibes_data::{ObservationPart, Quantity};
 
-use super::{Actuation, Loaded, PlannerSettings, Registered, Sigmoid, Task, Tolerance, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Sigmoid, Task, Tolerance, observed, part};
 use crate::Result;
 use crate::distractors::Scenery;
 use crate::physics::{ModelOverrides, Physics, suite_xml};
@@ -49,6 +49,28 @@ struct Cheetah {
 impl Task for Cheetah {
     fn observation(&self, physics: &Physics) -> Vec<ObservationPart> {
         vec![part("position", physics.qpos().len() - 1), part("velocity", physics.qvel().len())]
+    }
+
+    fn quantities(&self, _: &Physics) -> Vec<Quantity> {
+        observed([
+            "torso height",
+            "torso angle",
+            "back thigh angle",
+            "back shin angle",
+            "back foot angle",
+            "front thigh angle",
+            "front shin angle",
+            "front foot angle",
+            "forward velocity",
+            "vertical velocity",
+            "torso angular velocity",
+            "back thigh angular velocity",
+            "back shin angular velocity",
+            "back foot angular velocity",
+            "front thigh angular velocity",
+            "front shin angular velocity",
+            "front foot angular velocity",
+        ])
     }
 
     /// Limited joints anywhere within their limits, then 2 s of falling to the ground; the velocities that are left then stay.

@@ -1,10 +1,10 @@
 //! `finger-spin`: keep a free body spinning by flicking it; reward 1 while it turns fast enough (`dm_control/suite/finger.py`).
 
 use rand::RngCore;
-use vibes_data::ObservationPart;
+use vibes_data::{ObservationPart, Quantity};
 
 use super::random_joints::randomize_joints;
-use super::{Actuation, Loaded, PlannerSettings, Registered, Task, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Task, observed, part};
 use crate::distractors::Scenery;
 use crate::physics::{ModelOverrides, Physics, suite_xml};
 use crate::{Error, Result};
@@ -79,6 +79,20 @@ struct Finger {
 impl Task for Finger {
     fn observation(&self, _: &Physics) -> Vec<ObservationPart> {
         vec![part("position", 4), part("velocity", 3), part("touch", 2)]
+    }
+
+    fn quantities(&self, _: &Physics) -> Vec<Quantity> {
+        observed([
+            "upper finger joint's angle",
+            "lower finger joint's angle",
+            "fingertip position from the hinge, horizontal",
+            "fingertip position from the hinge, vertical",
+            "upper finger joint's angular velocity",
+            "lower finger joint's angular velocity",
+            "spinner's angular velocity",
+            "touch at the fingertip's top, log force",
+            "touch at the fingertip's bottom, log force",
+        ])
     }
 
     fn constants(&self) -> ModelOverrides {

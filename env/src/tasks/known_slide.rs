@@ -2,9 +2,9 @@
 //! the same row ([`known_reward`]). A weight on a frictionless rail, pushed by a motor; everything MuJoCo does with it fits into two lines.
 
 use rand::{Rng, RngCore};
-use vibes_data::ObservationPart;
+use vibes_data::{ObservationPart, Quantity};
 
-use super::{Actuation, Loaded, PlannerSettings, Registered, Task, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Task, observed, part};
 use crate::Result;
 use crate::distractors::Scenery;
 use crate::physics::{ModelOverrides, Physics};
@@ -78,6 +78,10 @@ struct KnownSlide;
 impl Task for KnownSlide {
     fn observation(&self, _: &Physics) -> Vec<ObservationPart> {
         vec![part("position", 1), part("velocity", 1)]
+    }
+
+    fn quantities(&self, _: &Physics) -> Vec<Quantity> {
+        observed(["position", "velocity"])
     }
 
     fn start(&self, physics: &mut Physics, rng: &mut dyn RngCore) -> Result<ModelOverrides> {

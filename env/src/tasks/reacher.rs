@@ -3,10 +3,10 @@
 use std::f64::consts::TAU;
 
 use rand::{Rng, RngCore};
-use vibes_data::ObservationPart;
+use vibes_data::{About, Formula, ObservationPart, Quantity};
 
 use super::random_joints::randomize_joints;
-use super::{Actuation, Loaded, PlannerSettings, Registered, Task, Tolerance, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Task, Tolerance, part, quantity};
 use crate::Result;
 use crate::distractors::Scenery;
 use crate::physics::{ModelOverrides, Physics, Start, suite_xml};
@@ -66,6 +66,25 @@ impl Task for Reacher {
     fn observation(&self, physics: &Physics) -> Vec<ObservationPart> {
         let velocity = part("velocity", physics.qvel().len());
         vec![part("position", physics.qpos().len()), part("to_target", 2), velocity]
+    }
+
+    /// Arm and target turned together about the shoulder are the same to physics and reward, so that the target is seen from the arm: from the fingertip,
+    /// with the upper arm pointing ahead. Where the arm itself points is superfluous.
+    fn quantities(&self, _: &Physics) -> Vec<Quantity> {
+        let (shoulder, wrist, to_target) = (0, 1, [2, 3]);
+        let seen = |axis| Formula::Turned { vector: to_target, by: shoulder, axis };
+        let superfluous = |name: &str, formula| Quantity { about: About::Symmetry, ..quantity(name, formula) };
+        vec![
+            quantity("wrist cosine", Formula::Cosine(wrist)),
+            quantity("wrist sine", Formula::Sine(wrist)),
+            quantity("target in the arm's frame, ahead", seen(0)),
+            quantity("target in the arm's frame, left", seen(1)),
+            quantity("distance to the target", Formula::Length(to_target.to_vec())),
+            quantity("shoulder velocity", Formula::Qvel(shoulder)),
+            quantity("wrist velocity", Formula::Qvel(wrist)),
+            superfluous("shoulder cosine", Formula::Cosine(shoulder)),
+            superfluous("shoulder sine", Formula::Sine(shoulder)),
+        ]
     }
 
     fn constants(&self) -> ModelOverrides {

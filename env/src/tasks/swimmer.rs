@@ -7,10 +7,10 @@ use std::fmt::Write;
 use std::ops::RangeInclusive;
 
 use rand::{Rng, RngCore};
-use vibes_data::ObservationPart;
+use vibes_data::{Formula, ObservationPart, Quantity};
 
 use super::random_joints::randomize_joints;
-use super::{Actuation, Loaded, PlannerSettings, Registered, Sigmoid, Sinusoid, Task, Tolerance, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Sigmoid, Sinusoid, Task, Tolerance, part, quantity};
 use crate::Result;
 use crate::distractors::Scenery;
 use crate::physics::{ModelOverrides, Physics, suite_xml};
@@ -127,6 +127,24 @@ impl Task for Swimmer {
     fn observation(&self, physics: &Physics) -> Vec<ObservationPart> {
         let links = (physics.data().sensordata().len() - FRAME_SENSORS) / 6;
         vec![part("joints", links - 1), part("to_target", 2), part("body_velocities", 3 * links)]
+    }
+
+    /// The target as the head sees it, the head's velocity, and the bends of the first, the middle and the last joint: a long body has too many to list.
+    fn quantities(&self, physics: &Physics) -> Vec<Quantity> {
+        let joints = physics.qpos().len() - 3;
+        let (to_target, head) = ([joints, joints + 1], joints + 2);
+        let seen = |name: &str, at: usize| quantity(name, Formula::Observation(at));
+        vec![
+            quantity("distance to the target", Formula::Length(to_target.to_vec())),
+            seen("target in the head's frame, first axis", to_target[0]),
+            seen("target in the head's frame, second axis", to_target[1]),
+            seen("head velocity, first axis", head),
+            seen("head velocity, second axis", head + 1),
+            seen("head angular velocity", head + 2),
+            seen("first joint's angle", 0),
+            seen("middle joint's angle", joints / 2),
+            seen("last joint's angle", joints - 1),
+        ]
     }
 
     /// Any heading and bend; the target in a square of 4 m, in one episode of five of 0.6 m.

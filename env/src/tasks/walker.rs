@@ -1,10 +1,10 @@
 //! `walker-walk`: stand up and walk forwards at 1 m/s (`dm_control/suite/walker.py`).
 
 use rand::RngCore;
-use vibes_data::ObservationPart;
+use vibes_data::{ObservationPart, Quantity};
 
 use super::random_joints::randomize_joints;
-use super::{Actuation, Loaded, PlannerSettings, Registered, Sigmoid, Task, Tolerance, part};
+use super::{Actuation, Loaded, PlannerSettings, Registered, Sigmoid, Task, Tolerance, observed, part};
 use crate::Result;
 use crate::distractors::Scenery;
 use crate::physics::{ModelOverrides, Physics, suite_xml};
@@ -53,6 +53,35 @@ impl Task for Walker {
         let bodies = physics.data().xmat().len() - 1;
         let velocity = part("velocity", physics.qvel().len());
         vec![part("orientations", 2 * bodies), part("height", 1), velocity]
+    }
+
+    fn quantities(&self, _: &Physics) -> Vec<Quantity> {
+        observed([
+            "torso angle cosine",
+            "torso angle sine",
+            "right thigh angle cosine",
+            "right thigh angle sine",
+            "right leg angle cosine",
+            "right leg angle sine",
+            "right foot angle cosine",
+            "right foot angle sine",
+            "left thigh angle cosine",
+            "left thigh angle sine",
+            "left leg angle cosine",
+            "left leg angle sine",
+            "left foot angle cosine",
+            "left foot angle sine",
+            "torso height",
+            "vertical velocity",
+            "forward velocity",
+            "torso angular velocity",
+            "right hip angular velocity",
+            "right knee angular velocity",
+            "right ankle angular velocity",
+            "left hip angular velocity",
+            "left knee angular velocity",
+            "left ankle angular velocity",
+        ])
     }
 
     /// Any angles, a little above the ground, upside down as well.

@@ -1,30 +1,37 @@
-//! Same-state retrieval: is the nearest latent under another distractor one of the same state?
+//! Same-state retrieval: is a latent's nearest one of the same state under another distractor?
+//!
+//! Two questions that are never called by one name. Distances are standardized L2 with the standard deviations of the whole grid, ties go to the earlier
+//! row, and a query counts as found if one of its `k` nearest candidates shows its state.
+//!
+//! | name | candidates of cell (i, j) at step t | found |
+//! |---|---|---|
+//! | `retrieval_same_step@k` | all other cells at step t | state i |
+//! | `retrieval_any_step@k` | all rows of all cells with another distractor, whatever their state and step | state i, at most 2 steps from t |
 
 use rand::Rng;
 use rand::seq::index;
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::Grid;
-use crate::intervals::{Interval, bootstrap};
+use crate::intervals::Interval;
 use crate::neighbours::{Exclude, Metric, Space, bounded_queries, nearest};
 use crate::{Error, Table};
 
 /// How to ask.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RetrievalOptions {
     /// Neighbours looked at.
     pub k: usize,
-    /// A neighbour of the same state trajectory counts if its step is at most this far from the query's.
+    /// `retrieval_any_step`: a neighbour of the same state trajectory counts if its step is at most this far from the query's.
     pub tolerance: u32,
-    /// Most rows to ask for; more are drawn from.
+    /// `retrieval_any_step`: most rows to ask for; more are drawn from.
     pub queries: usize,
-    /// The measure of nearness.
-    pub metric: Metric,
 }
 
 impl Default for RetrievalOptions {
     fn default() -> Self {
-        Self { k: 1, tolerance: 2, queries: 2000, metric: Metric::Standardized }
+        Self { k: 1, tolerance: 2, queries: 2000 }
     }
 }
 
@@ -33,7 +40,7 @@ impl Default for RetrievalOptions {
 pub struct Retrieval {
     /// Neighbours looked at.
     pub k: usize,
-    /// Share of queries with a row of the same state among their `k` nearest; interval over state trajectories.
+    /// Share of queries with a row of the same state among their `k` nearest; interval over state and distractor trajectories.
     pub found: Interval,
     /// The share if neighbours were drawn blindly.
     pub chance: f64,
@@ -41,65 +48,71 @@ pub struct Retrieval {
     pub queries: usize,
 }
 
-/// Retrieval over whole trajectories. Query: any row of the grid, cell (i, j) at step t. Candidates: all rows of cells with
-/// another distractor, whatever their state and step. Found: one of the `k` nearest is of state i, within `tolerance` steps of t.
+/// Pairs of latents that [`retrieval_same_step`] compares at most; a larger grid's queries are drawn.
+const PAIRS: usize = 50_000_000;
+
+/// `retrieval_same_step@k`: every cell at every step asks for the `k` nearest among all other cells at that step.
 ///
 /// # Errors
-/// Latents that do not vary.
-pub fn retrieval(grid: &Grid<'_>, options: RetrievalOptions, rng: &mut impl Rng) -> Result<Retrieval, Error> {
+/// No neighbours asked for, more than there are other cells, or latents that do not vary.
+pub fn retrieval_same_step(grid: &Grid<'_>, k: usize, rng: &mut impl Rng) -> Result<Retrieval, Error> {
+    let (states, distractors, steps) = (grid.states().len(), grid.distractors().len(), grid.steps().len());
+    let cells = states * distractors;
+    if k == 0 || k >= cells {
+        return Err(Error::Option {
+            option: "k",
+            value: k.to_string(),
+            must: "at least 1 and below the number of cells",
+        });
+    }
+    let queries = drawn((PAIRS / cells).max(1), cells * steps, rng);
+    let cut = Cut::new(grid);
+    let space = cut.space()?;
+    // Positions in the cut go by cell and then step.
+    let hit = |&query: &usize| {
+        let (cell, step) = (query / steps, query % steps);
+        let others = (0..cells).filter(|&other| other != cell);
+        let mut near: Vec<(f64, usize)> =
+            others.map(|other| (space.distance(query, other * steps + step), other)).collect();
+        near.select_nth_unstable_by(k - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        f64::from(u8::from(near[..k].iter().any(|&(_, other)| other / distractors == cell / distractors)))
+    };
+    let hits: Vec<f64> = queries.par_iter().map(hit).collect();
+    let chance = blind(distractors as f64 - 1.0, cells as f64 - 1.0, k);
+    cut.retrieval(k, &queries, &hits, chance, rng)
+}
+
+/// `retrieval_any_step@k`: rows of the grid, at most `options.queries`, ask for the `k` nearest among all rows under another distractor.
+///
+/// # Errors
+/// No neighbours asked for, or latents that do not vary.
+pub fn retrieval_any_step(grid: &Grid<'_>, options: RetrievalOptions, rng: &mut impl Rng) -> Result<Retrieval, Error> {
     let (distractors, steps) = (grid.distractors().len(), grid.steps().len());
     let all = grid.rows.len();
-    let most = bounded_queries(options.queries, all);
-    let mut queries = if all > most { index::sample(rng, all, most).into_vec() } else { (0..all).collect() };
-    queries.sort_unstable();
+    let queries = drawn(bounded_queries(options.queries, all), all, rng);
     let state = |at: usize| at / (distractors * steps);
     let step = |at: usize| grid.steps()[at % steps];
+    let labels: Vec<u32> = (0..all).map(|at| (at / steps % distractors) as u32).collect();
+    let cut = Cut::new(grid);
+    let near = nearest(&cut.space()?, &queries, options.k, Exclude::Group(&labels))?;
     let matches = |query: usize, near: usize| {
         state(query) == state(near) && step(query).abs_diff(step(near)) <= options.tolerance
     };
-    let labels: Vec<u32> = (0..all).map(|at| (at / steps % distractors) as u32).collect();
-    let near = steps_of(grid, 0..steps).nearest(&queries, &labels, options)?;
-    let hits: Vec<bool> =
-        queries.iter().zip(&near).map(|(&query, near)| near.iter().any(|&row| matches(query, row as usize))).collect();
+    let hit = |(at, &query): (usize, &usize)| near.rows(at).iter().any(|&row| matches(query, row as usize));
+    let hits: Vec<f64> = queries.iter().enumerate().map(|query| f64::from(u8::from(hit(query)))).collect();
     let in_reach =
-        |query: usize| grid.steps().iter().filter(|other| other.abs_diff(step(query)) <= options.tolerance).count();
+        |query: &usize| grid.steps().iter().filter(|other| other.abs_diff(step(*query)) <= options.tolerance).count();
     let candidates = ((distractors - 1) * steps * grid.states().len()) as f64;
-    let reach: f64 = queries.iter().map(|&query| in_reach(query) as f64).sum::<f64>() / queries.len() as f64;
-    let chance = blind((distractors - 1) as f64 * reach, candidates, options.k);
-    let of_state: Vec<usize> = queries.iter().map(|&query| state(query)).collect();
-    Ok(Retrieval {
-        k: options.k,
-        found: share(&hits, &of_state, grid.states().len(), rng),
-        chance,
-        queries: queries.len(),
-    })
+    let blindly = |query: &usize| blind(((distractors - 1) * in_reach(query)) as f64, candidates, options.k);
+    let chance = queries.iter().map(blindly).sum::<f64>() / queries.len() as f64;
+    cut.retrieval(options.k, &queries, &hits, chance, rng)
 }
 
-/// Retrieval at one step (position in the grid's steps; the middle by default). Query: a cell's row at that step. Candidates: the other
-/// cells' rows at the same step, of any state and distractor. Found: one of the `k` nearest is of the same state.
-///
-/// # Errors
-/// A step past the last, or latents that do not vary.
-pub fn retrieval_at_step(
-    grid: &Grid<'_>,
-    step: Option<usize>,
-    options: RetrievalOptions,
-    rng: &mut impl Rng,
-) -> Result<Retrieval, Error> {
-    let step = step.unwrap_or(grid.steps().len() / 2);
-    if step >= grid.steps().len() {
-        return Err(Error::NoSuchRow { row: step, rows: grid.steps().len() });
-    }
-    let (states, distractors) = (grid.states().len(), grid.distractors().len());
-    let queries: Vec<usize> = (0..states * distractors).collect();
-    let own: Vec<u32> = queries.iter().map(|&at| at as u32).collect();
-    let near = steps_of(grid, step..step + 1).nearest(&queries, &own, options)?;
-    let hit =
-        |(&query, near): (&usize, &Vec<u32>)| near.iter().any(|&row| row as usize / distractors == query / distractors);
-    let hits: Vec<bool> = queries.iter().zip(&near).map(hit).collect();
-    let chance = blind(distractors as f64 - 1.0, (states * distractors) as f64 - 1.0, options.k);
-    let of_state: Vec<usize> = queries.iter().map(|query| query / distractors).collect();
-    Ok(Retrieval { k: options.k, found: share(&hits, &of_state, states, rng), chance, queries: queries.len() })
+/// At most `most` of `all` positions, rising.
+fn drawn(most: usize, all: usize, rng: &mut impl Rng) -> Vec<usize> {
+    let mut drawn = if all > most { index::sample(rng, all, most).into_vec() } else { (0..all).collect() };
+    drawn.sort_unstable();
+    drawn
 }
 
 /// The chance that `k` of `candidates` drawn without replacement hold one of `matching`.
@@ -108,31 +121,45 @@ fn blind(matching: f64, candidates: f64, k: usize) -> f64 {
     1.0 - (0..k).map(miss).product::<f64>()
 }
 
-fn share(hits: &[bool], of_state: &[usize], states: usize, rng: &mut impl Rng) -> Interval {
-    bootstrap(states, rng, |counts| {
-        let weighed = |wanted: &dyn Fn(bool) -> bool| -> f64 {
-            hits.iter().zip(of_state).filter(|(hit, _)| wanted(**hit)).map(|(_, &state)| counts[state]).sum()
-        };
-        weighed(&|hit| hit) / weighed(&|_| true)
-    })
-}
-
-/// Latents of some of the grid's steps, in the grid's own order.
-struct Cut {
+/// The grid's rows in the grid's own order, by state, distractor and step.
+pub(super) struct Cut {
     dims: usize,
     values: Vec<f32>,
-}
-
-fn steps_of(grid: &Grid<'_>, steps: std::ops::Range<usize>) -> Cut {
-    let rows = grid.rows.chunks_exact(grid.steps().len()).flat_map(|cell| &cell[steps.clone()]);
-    Cut { dims: grid.table().dims(), values: rows.flat_map(|&row| grid.table().row(row)).copied().collect() }
+    keys: Vec<u32>,
+    state: Vec<Option<u32>>,
+    distractor: Vec<Option<u32>>,
 }
 
 impl Cut {
-    fn nearest(&self, queries: &[usize], labels: &[u32], options: RetrievalOptions) -> Result<Vec<Vec<u32>>, Error> {
-        let keys: Vec<u32> = (0..labels.len() as u32).collect();
-        let space = Space::new(Table::new(self.dims, &self.values, &keys, &keys)?, options.metric)?;
-        let near = nearest(&space, queries, options.k, Exclude::Group(labels))?;
-        Ok((0..queries.len()).map(|query| near.rows(query).to_vec()).collect())
+    pub(super) fn new(grid: &Grid<'_>) -> Self {
+        let (table, rows) = (grid.table(), &grid.rows);
+        let cell = |row: &usize| table.cell(*row);
+        Self {
+            dims: table.dims(),
+            values: rows.iter().flat_map(|&row| table.row(row)).copied().collect(),
+            keys: (0..rows.len() as u32).collect(),
+            state: rows.iter().map(|row| cell(row).map(|cell| cell.0)).collect(),
+            distractor: rows.iter().map(|row| cell(row).map(|cell| cell.1)).collect(),
+        }
+    }
+
+    pub(super) fn table(&self) -> Result<Table<'_>, Error> {
+        Table::new(self.dims, &self.values, &self.keys, &self.keys)?.with_grid(&self.state, &self.distractor)
+    }
+
+    pub(super) fn space(&self) -> Result<Space<'_>, Error> {
+        Space::new(self.table()?, Metric::Standardized)
+    }
+
+    fn retrieval(
+        &self,
+        k: usize,
+        queries: &[usize],
+        hits: &[f64],
+        chance: f64,
+        rng: &mut impl Rng,
+    ) -> Result<Retrieval, Error> {
+        let found = self.table()?.trajectories().mean(queries, hits, rng);
+        Ok(Retrieval { k, found, chance, queries: queries.len() })
     }
 }

@@ -2,7 +2,9 @@ use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Grid, RetrievalOptions, VarianceSplit, retrieval, retrieval_at_step, variance};
+use super::{
+    Grid, RetrievalOptions, VarianceSplit, denoising_factor, retrieval_any_step, retrieval_same_step, variance,
+};
 use crate::{Error, Table};
 
 /// Rows of a grid whose latent is `latent(state, distractor, step)`.
@@ -128,23 +130,84 @@ fn retrieval_is_certain_for_invariant_latents_and_blind_for_noise() {
     let state_only = Rows::new(5, 4, 30, |i, j, t| vec![(7 * i) as f32 + 1e-3 * j as f32, t as f32]);
     let grid = Grid::new(state_only.table()).unwrap();
     let options = RetrievalOptions { tolerance: 0, ..RetrievalOptions::default() };
-    let found = retrieval(&grid, options, &mut generator(0)).unwrap();
+    let found = retrieval_any_step(&grid, options, &mut generator(0)).unwrap();
     assert_eq!((found.found.estimate, found.queries), (1.0, 600));
     assert!((found.chance - 3.0 / (3.0 * 30.0 * 5.0)).abs() < 1e-12);
-    let at_step = retrieval_at_step(&grid, None, options, &mut generator(0)).unwrap();
-    assert_eq!((at_step.found.estimate, at_step.queries), (1.0, 20));
-    assert!((at_step.chance - 3.0 / 19.0).abs() < 1e-12);
+    let found = retrieval_same_step(&grid, 1, &mut generator(0)).unwrap();
+    assert_eq!((found.found.estimate, found.queries), (1.0, 600));
+    assert!((found.chance - 3.0 / 19.0).abs() < 1e-12);
 
     let mut rng = generator(3);
     let noise = Rows::new(5, 4, 100, |_, _, _| (0..4).map(|_| rng.random_range(-1.0..1.0)).collect());
+    let grid = Grid::new(noise.table()).unwrap();
     let options = RetrievalOptions { k: 5, tolerance: 10, ..options };
-    let found = retrieval(&Grid::new(noise.table()).unwrap(), options, &mut generator(0)).unwrap();
+    let found = retrieval_any_step(&grid, options, &mut generator(0)).unwrap();
+    assert!((found.found.estimate - found.chance).abs() < 0.04, "{found:?}");
+    let found = retrieval_same_step(&grid, 3, &mut generator(0)).unwrap();
     assert!((found.found.estimate - found.chance).abs() < 0.04, "{found:?}");
 
     let distractor_only = Rows::new(5, 4, 30, |i, j, t| vec![(7 * j) as f32 + 1e-3 * i as f32, t as f32]);
     let grid = Grid::new(distractor_only.table()).unwrap();
-    let options = RetrievalOptions { tolerance: 0, ..RetrievalOptions::default() };
-    assert_eq!(retrieval_at_step(&grid, Some(3), options, &mut generator(0)).unwrap().found.estimate, 0.0);
+    assert_eq!(retrieval_same_step(&grid, 1, &mut generator(0)).unwrap().found.estimate, 0.0);
+    assert!(matches!(retrieval_same_step(&grid, 20, &mut generator(0)), Err(Error::Option { option: "k", .. })));
+}
+
+/// Latents that are invariant under three of four distractors: an interval that draws distractors again must be wide, since a fifth could be of either kind.
+#[test]
+fn intervals_of_retrieval_know_that_distractors_were_drawn() {
+    let mut rng = generator(7);
+    let rows = Rows::new(20, 4, 3, |i, j, _| {
+        (0..3).map(|d| if j == 3 { rng.random_range(-50.0..50.0) } else { ((7 * i + d) % 40) as f32 }).collect()
+    });
+    let found = retrieval_same_step(&Grid::new(rows.table()).unwrap(), 1, &mut generator(0)).unwrap().found;
+    assert!((found.estimate - 0.75).abs() < 0.06, "{found:?}");
+    assert!(found.low < 0.55 && found.high > 0.95, "{found:?}");
+}
+
+/// Positions on a line: states 10 apart, distractors 1 apart. Same state: (1 + 1 + 2) / 3 = 4/3 over three distractors. Other states, two of them:
+/// the mean of |10 a + b| over a in 1, 1, 2 and b in -2..=2 is 40/3.
+#[test]
+fn the_denoising_factor_of_known_distances_is_the_formula() {
+    let rows = Rows::new(3, 3, 4, |i, j, t| vec![(10 * i + j) as f32, 1000.0 * t as f32]);
+    let found = denoising_factor(&Grid::new(rows.table()).unwrap(), &mut generator(0)).unwrap();
+    let (same, other) = (4.0 / 3.0, 40.0 / 3.0);
+    assert!((found.estimate - (other - same) / (other + same)).abs() < 1e-6, "{found:?}");
+    assert!(found.low <= found.estimate && found.estimate <= found.high);
+    let invariant = Rows::new(3, 3, 4, |i, _, t| vec![i as f32, t as f32]);
+    assert_eq!(denoising_factor(&Grid::new(invariant.table()).unwrap(), &mut generator(0)).unwrap().estimate, 1.0);
+    let mut rng = generator(1);
+    let noise = Rows::new(6, 6, 40, |_, _, _| (0..3).map(|_| rng.random_range(-1.0..1.0)).collect());
+    let of_noise = denoising_factor(&Grid::new(noise.table()).unwrap(), &mut generator(0)).unwrap();
+    assert!(of_noise.estimate.abs() < 0.01, "{of_noise:?}");
+}
+
+/// `tests/golden/grid.json`: both retrievals and the shares of one grid, by their definitions in float64.
+#[test]
+fn agrees_with_the_golden_grid() {
+    let golden: serde_json::Value = serde_json::from_str(include_str!("../../tests/golden/grid.json")).unwrap();
+    let latents = &golden["cases"]["retrieval"]["in"]["latents"];
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    let rows = Rows::new(3, 4, 6, |i, j, t| {
+        let latent = latents[i as usize][j as usize][t as usize].as_array().unwrap();
+        latent.iter().map(|x| number(x) as f32).collect()
+    });
+    let grid = Grid::new(rows.table()).unwrap();
+    let wanted = &golden["cases"]["retrieval"]["out"];
+    for k in [1, 3] {
+        let same = retrieval_same_step(&grid, k, &mut generator(0)).unwrap();
+        let any = retrieval_any_step(&grid, RetrievalOptions { k, ..RetrievalOptions::default() }, &mut generator(0));
+        for (found, name) in [(same, "retrieval_same_step"), (any.unwrap(), "retrieval_any_step")] {
+            let wanted = number(&wanted[format!("{name}@{k}")]);
+            assert!((found.found.estimate - wanted).abs() < 1e-12, "{name}@{k}: {found:?}, {wanted}");
+        }
+    }
+    let chance = retrieval_same_step(&grid, 1, &mut generator(0)).unwrap().chance;
+    assert!((chance - number(&wanted["chance_same_step@1"])).abs() < 1e-12);
+    let (split, wanted) = (variance(&grid).unwrap(), &golden["cases"]["shares"]["out"]);
+    for (share, name) in [(split.state, "state"), (split.distractor, "distractor"), (split.interaction, "interaction")]
+    {
+        assert!((share.estimate - number(&wanted[name])).abs() < 1e-6, "{name}: {share:?}");
+    }
 }
 
 #[test]

@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use super::Grid;
 use crate::Error;
-use crate::intervals::{Interval, crossed_share};
+use crate::intervals::{Interval, Range, crossed};
 
 /// Shares of the latents' variance. The first three add up to 1.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -32,8 +32,34 @@ pub struct VarianceSplit {
     pub within_state: Interval,
     /// The first three shares at each step.
     pub by_step: Vec<StepShares>,
-    /// The state's share if latents were noise, `(N - 1) / (NM - 1)`.
-    pub state_of_noise: f64,
+    /// The shares if latents were noise.
+    pub of_noise: NoiseShares,
+}
+
+/// The shares of N states × M distractors over T steps if every latent were noise of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct NoiseShares {
+    /// `(N - 1) / (NM - 1)`.
+    pub state: f64,
+    /// `(M - 1) / (NM - 1)`.
+    pub distractor: f64,
+    /// `(N - 1)(M - 1) / (NM - 1)`.
+    pub interaction: f64,
+    /// `TN(M - 1) / (TNM - 1)`.
+    pub within_state: f64,
+}
+
+impl NoiseShares {
+    fn of(grid: &Grid<'_>) -> Self {
+        let [n, m, t] = [grid.states().len(), grid.distractors().len(), grid.steps().len()].map(|count| count as f64);
+        let all = n * m - 1.0;
+        Self {
+            state: (n - 1.0) / all,
+            distractor: (m - 1.0) / all,
+            interaction: (n - 1.0) * (m - 1.0) / all,
+            within_state: t * n * (m - 1.0) / (t * n * m - 1.0),
+        }
+    }
 }
 
 /// The shares at one step (NaN where all cells have the same latent).
@@ -49,7 +75,7 @@ pub struct StepShares {
     pub interaction: f64,
 }
 
-/// Split the variance of a grid's latents. Intervals are over both kinds of trajectories: each is left out in turn (see [`crossed_share`]);
+/// Split the variance of a grid's latents. Intervals are over both kinds of trajectories: each is left out in turn (see [`crossed`]);
 /// none with fewer than three states or distractors.
 ///
 /// # Errors
@@ -75,14 +101,13 @@ pub fn variance(grid: &Grid<'_>) -> Result<VarianceSplit, Error> {
             interaction: sums.interaction / total,
         }
     };
-    let (states, distractors) = (grid.states().len() as f64, grid.distractors().len() as f64);
     Ok(VarianceSplit {
         state: interval(|sums| sums.state),
         distractor: interval(|sums| sums.distractor),
         interaction: interval(|sums| sums.interaction),
         within_state: all.share(&overall, |sums| sums.distractor + sums.interaction, |total| *total),
         by_step: grid.steps().iter().zip(&steps).map(shares).collect(),
-        state_of_noise: (states - 1.0) / (states * distractors - 1.0),
+        of_noise: NoiseShares::of(grid),
     })
 }
 
@@ -123,7 +148,7 @@ impl<T> LeftOut<T> {
             parts.iter().zip(totals).map(|(a, b)| part(a) / total(b)).collect()
         };
         let without = [ratios(&self.states, &other.states), ratios(&self.distractors, &other.distractors)];
-        crossed_share(part(&self.whole) / total(&other.whole), [&without[0], &without[1]])
+        crossed(part(&self.whole) / total(&other.whole), [&without[0], &without[1]], Range::Share)
     }
 }
 

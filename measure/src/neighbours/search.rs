@@ -4,6 +4,9 @@
 //! The computed value differs from the true one by at most `e(|x|² + |q|²)` with `e = 2 (dims + 16) u`, `u` the unit
 //! roundoff. A row is kept while its lower bound is no more than the `k`-th smallest upper bound.
 
+use std::collections::HashMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
+
 use ndarray::linalg::general_mat_mul;
 use ndarray::{ArrayView2, ArrayViewMut2};
 use rayon::prelude::*;
@@ -33,7 +36,10 @@ pub(super) fn nearest(
         return Err(Error::Option { option: "neighbours", value: k.to_string(), must: "at least 1" });
     }
     let (rows, dims) = (space.table().rows(), space.table().dims());
-    let sieve = Sieve::new(space, labels, k);
+    let mut sieve = Sieve::new(space, labels, k);
+    if barred.len() >= MANY {
+        sieve.equals = equals(space);
+    }
     let slab = if barred.len() >= 16 * QUERIES { rows } else { SLAB };
     let slabs: Vec<(usize, usize)> = (0..rows).step_by(slab).map(|from| (from, rows.min(from + slab))).collect();
     let blocks: Vec<usize> = (0..barred.len()).step_by(QUERIES).collect();
@@ -50,6 +56,8 @@ pub(super) fn nearest(
                 let mut near: Vec<(f64, u32)> = candidates.map(|row| (distance(query, row as usize), row)).collect();
                 near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
                 near.truncate(k);
+                // A query among many equal rows had as many candidates: their memory is not kept.
+                near.shrink_to_fit();
                 near
             })
             .collect::<Vec<_>>()
@@ -67,7 +75,13 @@ struct Sieve<'s> {
     error: f32,
     /// `|x|²` less its share of the error, per row.
     lower_norm: Vec<f32>,
+    /// What rows that equal another have in common, 0 for all others; empty if nobody looked.
+    equals: Vec<u32>,
 }
+
+/// Queries from which on rows that equal each other are looked for: half of the rows of a collapsed encoder may be one point, and every query among them would
+/// otherwise have them all as candidates.
+const MANY: usize = 1000;
 
 impl<'s> Sieve<'s> {
     fn new(space: &'s Space<'_>, labels: &'s [u32], k: usize) -> Self {
@@ -75,7 +89,7 @@ impl<'s> Sieve<'s> {
         let error = (dims as f32 + 16.0) * f32::EPSILON;
         let norm = |point: &[f32]| point.iter().map(|x| x * x).sum::<f32>();
         let lower_norm = space.points().par_chunks(dims).map(|point| norm(point) * (1.0 - error)).collect();
-        Self { points: space.points(), labels, dims, k, error, lower_norm }
+        Self { points: space.points(), labels, dims, k, error, lower_norm, equals: Vec::new() }
     }
 
     /// The rows of `from..to` that could be among the `k` nearest of each query in a block.
@@ -118,12 +132,37 @@ impl<'s> Sieve<'s> {
             }
             for (at, &score) in scores.iter().enumerate() {
                 let row = first + run * RUN + at;
-                if score <= candidates.bound && barred != Some(self.labels[row]) {
+                let equals = self.equals.get(row).copied().unwrap_or(0);
+                if score <= candidates.bound && barred != Some(self.labels[row]) && candidates.admits(equals) {
                     candidates.push(score, self.lower_norm[row], row as u32);
                 }
             }
         }
     }
+}
+
+/// A number for each kind of equal rows, from 1 on; 0 for rows that equal no other.
+fn equals(space: &Space<'_>) -> Vec<u32> {
+    let latent = |row: u32| space.table().row(row as usize);
+    let hash = |row: u32| {
+        let mut hasher = DefaultHasher::new();
+        latent(row).iter().for_each(|x| x.to_bits().hash(&mut hasher));
+        (hasher.finish(), row)
+    };
+    let mut hashes: Vec<(u64, u32)> = (0..space.table().rows() as u32).into_par_iter().map(hash).collect();
+    hashes.par_sort_unstable();
+    let mut kinds = vec![0; hashes.len()];
+    let mut kind = 0;
+    for same in hashes.chunk_by(|a, b| a.0 == b.0) {
+        // Rows of one hash that are not the same after all are taken as equal to none.
+        let first = latent(same[0].1);
+        let alike = |row: u32| latent(row).iter().zip(first).all(|(a, b)| a.to_bits() == b.to_bits());
+        if same.len() > 1 {
+            kind += 1;
+            same.iter().filter(|(_, row)| alike(*row)).for_each(|&(_, row)| kinds[row as usize] = kind);
+        }
+    }
+    kinds
 }
 
 /// One query's rows that may still be among its `k` nearest.
@@ -137,13 +176,30 @@ struct Candidates {
     /// `(lower bound, upper bound, row)`.
     rows: Vec<(f32, f32, u32)>,
     full: usize,
+    /// How many rows of each kind of equals there are, the last kind seen first in `latest`.
+    kinds: HashMap<u32, usize>,
+    latest: (u32, usize),
 }
 
 impl Candidates {
     fn new(k: usize, error: f32, query_norm: f32) -> Self {
         let full = 4 * k + 32;
         let slack = 2.0 * error * query_norm;
-        Self { k, error, slack, bound: f32::INFINITY, rows: Vec::with_capacity(full), full }
+        let (kinds, latest) = (HashMap::new(), (0, 0));
+        Self { k, error, slack, bound: f32::INFINITY, rows: Vec::with_capacity(full), full, kinds, latest }
+    }
+
+    /// Whether a row of a kind of equals can be among the `k` nearest: rows come in order, and ties go to the earlier ones, so no more than `k` of a kind can.
+    fn admits(&mut self, kind: u32) -> bool {
+        if kind == 0 {
+            return true;
+        }
+        if self.latest.0 != kind {
+            self.kinds.insert(self.latest.0, self.latest.1);
+            self.latest = (kind, self.kinds.get(&kind).copied().unwrap_or(0));
+        }
+        self.latest.1 += 1;
+        self.latest.1 <= self.k
     }
 
     fn push(&mut self, lower: f32, lower_norm: f32, row: u32) {

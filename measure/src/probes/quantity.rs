@@ -2,14 +2,42 @@
 
 use rand::Rng;
 use rand::seq::SliceRandom;
+use serde::Serialize;
 
 use crate::{Error, Table};
+
+/// What must be held out together when a probe is fitted on the table it is judged on.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HoldOut {
+    /// State trajectories of rows on a grid (the cells of a row share their states), episodes of others.
+    #[default]
+    State,
+    /// Episodes.
+    Episode,
+    /// Distractor trajectories: whether a distractor's parameters can be read from one never seen.
+    Distractor,
+}
+
+impl HoldOut {
+    /// What a quantity of the distractors asks: numbers of one never seen, or, of a class such as the video shown, whether it is known under other states.
+    #[must_use]
+    pub fn of_distractor(is_class: bool, on_grid: bool) -> Self {
+        match (is_class, on_grid) {
+            (true, _) => Self::State,
+            (false, true) => Self::Distractor,
+            (false, false) => Self::Episode,
+        }
+    }
+}
 
 /// A named quantity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Quantity {
     /// For tables and charts.
     pub name: String,
+    /// What is held out together.
+    pub hold_out: HoldOut,
     /// One value per row.
     pub values: Values,
 }
@@ -21,6 +49,23 @@ pub enum Values {
     Numbers(Vec<f64>),
     /// Class names, `[rows]`: scored by accuracy.
     Classes(Vec<u32>),
+}
+
+impl Values {
+    /// Whether they differ by more than rounding: what never changes cannot be read.
+    #[must_use]
+    pub fn vary(&self) -> bool {
+        /// A range below this share of the largest value is none.
+        const FLAT: f64 = 1e-9;
+        match self {
+            Self::Classes(classes) => classes.iter().any(|class| *class != classes[0]),
+            Self::Numbers(values) => {
+                let (low, high) =
+                    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)));
+                high - low > FLAT * high.abs().max(low.abs()).max(1e-300)
+            }
+        }
+    }
 }
 
 /// All quantities side by side: a column per number, and one per class of a class quantity.

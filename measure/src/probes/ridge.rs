@@ -1,53 +1,87 @@
 //! Ridge regression in closed form, `B = (XᵀX + λ n I)⁻¹ XᵀY` on latents of mean 0 and deviation 1.
 //!
-//! `λ` is chosen for each fold and column from powers of ten between 1e-6 and 10, by the squared error on another of the
-//! folds left (the next one). Products are summed per fold once, so neither the choice nor the fit reads the latents again.
+//! `λ` is chosen for each column from powers of ten between 1e-6 and 10, by the squared error over five parts of the trajectories that are fitted on, each
+//! predicted from the others; then all are fitted on. Products are summed per part once, so neither the choice nor the fit reads the latents again.
 
 use linfa_linalg::cholesky::SolveCInplace;
 use ndarray::{Array1, Array2, Axis, s};
 use rayon::prelude::*;
 
+use super::held_out::{Deal, PARTS};
 use super::quantity::Targets;
 use crate::{Error, Table};
 
 /// Candidates for `λ`.
 const LAMBDAS: [f64; 8] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0];
+/// `λ` where there is one trajectory to fit on and nothing to choose by.
+const PLAIN: f64 = 1e-3;
 
 /// Every row's targets as predicted by the folds it is not in, `[rows, columns]`.
-pub(super) fn predict(table: &Table<'_>, targets: &Targets, fold: &[u32]) -> Result<Vec<f64>, Error> {
-    let count = fold.iter().max().map_or(0, |&last| last as usize + 1);
-    let sums: Vec<Moments> =
-        (0..count).into_par_iter().map(|wanted| Moments::of(table, targets, fold, wanted as u32)).collect();
-    let left = |out: &[usize]| {
-        let mut all = Moments::zero(table.dims(), targets.columns);
-        (0..count).filter(|fold| !out.contains(fold)).for_each(|fold| all.add(&sums[fold]));
-        all
+pub(super) fn predict(table: &Table<'_>, targets: &Targets, deal: &Deal) -> Result<Vec<f64>, Error> {
+    let sums = sums(table, targets, deal);
+    let of_fold = |out: usize| {
+        let part = |part: usize| {
+            let kept = (0..deal.folds).filter(|&fold| fold != out).map(|fold| &sums[fold * PARTS + part]);
+            Moments::sum(kept, table.dims(), targets.columns)
+        };
+        fit(&(0..PARTS).map(part).collect::<Vec<_>>())
     };
-    let fits: Result<Vec<Linear>, Error> = (0..count)
-        .into_par_iter()
-        .map(|out| {
-            let inner = (out + 1) % count;
-            // With two folds nothing is left to choose on: fit and validate on the same one.
-            let train = if count > 2 { left(&[out, inner]) } else { left(&[out]) };
-            let errors = LAMBDAS.map(|lambda| train.fit(lambda).map(|fit| fit.errors(&sums[inner])));
-            let all = left(&[out]);
-            let mut chosen = all.fit(LAMBDAS[0])?;
-            let mut least = vec![f64::INFINITY; targets.columns];
-            for (lambda, errors) in LAMBDAS.into_iter().zip(errors) {
-                let (fit, errors) = (all.fit(lambda)?, errors?);
-                for (column, least) in least.iter_mut().enumerate() {
-                    if errors[column] < *least {
-                        *least = errors[column];
-                        chosen.take(&fit, column);
-                    }
-                }
-            }
-            Ok(chosen)
-        })
-        .collect();
+    let fits: Result<Vec<Linear>, Error> = (0..deal.folds).into_par_iter().map(of_fold).collect();
     let fits = fits?;
     let rows = (0..table.rows()).into_par_iter();
-    Ok(rows.flat_map_iter(|row| fits[fold[row] as usize].predict(table.row(row))).collect())
+    Ok(rows.flat_map_iter(|row| fits[deal.fold[row] as usize].predict(table.row(row))).collect())
+}
+
+/// Every row of `judged` as predicted by a regression on all of `table`, `[rows, columns]`.
+pub(super) fn predict_elsewhere(
+    table: &Table<'_>,
+    targets: &Targets,
+    deal: &Deal,
+    judged: &Table<'_>,
+) -> Result<Vec<f64>, Error> {
+    let sums = sums(table, targets, deal);
+    let part = |part: usize| {
+        let all = (0..deal.folds).map(|fold| &sums[fold * PARTS + part]);
+        Moments::sum(all, table.dims(), targets.columns)
+    };
+    let fit = fit(&(0..PARTS).map(part).collect::<Vec<_>>())?;
+    Ok((0..judged.rows()).into_par_iter().flat_map_iter(|row| fit.predict(judged.row(row))).collect())
+}
+
+/// The moments of every fold and part, `[folds, PARTS]`.
+fn sums(table: &Table<'_>, targets: &Targets, deal: &Deal) -> Vec<Moments> {
+    let mut rows = vec![Vec::new(); deal.folds * PARTS];
+    for row in 0..table.rows() {
+        rows[deal.fold[row] as usize * PARTS + deal.part[row] as usize].push(row);
+    }
+    rows.par_iter().map(|rows| Moments::of(table, targets, rows)).collect()
+}
+
+/// The regression on all parts, with the penalty that predicts each part best from the others.
+fn fit(parts: &[Moments]) -> Result<Linear, Error> {
+    let (dims, columns) = (parts[0].dims, parts[0].squares.len());
+    let filled: Vec<&Moments> = parts.iter().filter(|part| part.rows() > 0.0).collect();
+    let all = Moments::sum(filled.iter().copied(), dims, columns);
+    if filled.len() < 2 {
+        return all.fit(PLAIN);
+    }
+    let mut least = vec![f64::INFINITY; columns];
+    let mut chosen = all.fit(PLAIN)?;
+    for lambda in LAMBDAS {
+        let mut errors = Array1::zeros(columns);
+        for out in 0..filled.len() {
+            let others = filled.iter().enumerate().filter(|(at, _)| *at != out).map(|(_, part)| *part);
+            errors += &Moments::sum(others, dims, columns).fit(lambda)?.errors(filled[out]);
+        }
+        let fit = all.fit(lambda)?;
+        for (column, least) in least.iter_mut().enumerate() {
+            if errors[column] < *least {
+                *least = errors[column];
+                chosen.take(&fit, column);
+            }
+        }
+    }
+    Ok(chosen)
 }
 
 /// Sums over some rows of products of `(1, latent, target)`: `[1 + dims + columns]²`, the part a fit needs.
@@ -64,10 +98,21 @@ impl Moments {
         Self { dims, products: Array2::zeros((1 + dims, 1 + dims + columns)), squares: Array1::zeros(columns) }
     }
 
-    fn of(table: &Table<'_>, targets: &Targets, fold: &[u32], wanted: u32) -> Self {
+    fn sum<'m>(of: impl Iterator<Item = &'m Self>, dims: usize, columns: usize) -> Self {
+        of.fold(Self::zero(dims, columns), |mut sum, more| {
+            sum.products += &more.products;
+            sum.squares += &more.squares;
+            sum
+        })
+    }
+
+    fn rows(&self) -> f64 {
+        self.products[[0, 0]]
+    }
+
+    fn of(table: &Table<'_>, targets: &Targets, rows: &[usize]) -> Self {
         const BLOCK: usize = 1024;
         let mut sums = Self::zero(table.dims(), targets.columns);
-        let rows: Vec<usize> = (0..table.rows()).filter(|&row| fold[row] == wanted).collect();
         let width = 1 + table.dims() + targets.columns;
         for block in rows.chunks(BLOCK) {
             let mut wide = Array2::zeros((block.len(), width));
@@ -82,13 +127,8 @@ impl Moments {
         sums
     }
 
-    fn add(&mut self, other: &Self) {
-        self.products += &other.products;
-        self.squares += &other.squares;
-    }
-
     fn fit(&self, lambda: f64) -> Result<Linear, Error> {
-        let (dims, count) = (self.dims, self.products[[0, 0]]);
+        let (dims, count) = (self.dims, self.rows());
         let mean = &self.products.slice(s![0, ..]) / count;
         // Covariances: products less the means'.
         let mut centred = self.products.slice(s![1.., 1..]).to_owned() / count;

@@ -1,46 +1,54 @@
-//! How good predictions are: R² of numbers, accuracy of classes, with an interval over held-out groups.
+//! How good predictions are: R² of numbers, accuracy of classes, with an interval over state and distractor trajectories.
 
 use rand::Rng;
 
+use super::held_out::Predictions;
 use super::quantity::Targets;
-use crate::intervals::{Interval, bootstrap};
+use crate::Table;
+use crate::intervals::{Interval, Trajectories};
 
-/// The score of one quantity's predictions `[rows, columns]` for `rows` of the table.
-pub(super) fn score(
-    targets: &Targets,
-    quantity: usize,
-    predicted: &[f64],
-    rows: &[usize],
-    groups: &[u32],
-    count: usize,
-    rng: &mut impl Rng,
-) -> Interval {
-    let span = targets.spans[quantity];
-    let mut sums = vec![Sums::default(); count];
-    for (&row, predicted) in rows.iter().zip(predicted.chunks_exact(targets.columns)) {
-        let true_values = &targets.row(row)[span.first..span.first + span.columns];
-        let predicted = &predicted[span.first..span.first + span.columns];
-        let sums = &mut sums[groups[row] as usize];
-        sums.rows += 1.0;
-        if span.classes {
-            sums.hits += f64::from(u8::from(largest(predicted) == largest(true_values)));
-        } else {
-            sums.add(true_values[0], predicted[0]);
-        }
-    }
-    bootstrap(count, rng, |counts| {
-        let total =
-            |part: fn(&Sums) -> f64| sums.iter().zip(counts).map(|(sums, count)| count * part(sums)).sum::<f64>();
-        let rows = total(|sums| sums.rows);
-        if span.classes {
-            return total(|sums| sums.hits) / rows;
-        }
-        let sum = total(|sums| sums.sum);
-        1.0 - total(|sums| sums.error) / (total(|sums| sums.squares) - sum * sum / rows)
-    })
+/// The truth, and what is drawn again for intervals.
+#[derive(Debug, Clone)]
+pub(super) struct Judge<'a> {
+    targets: &'a Targets,
+    trajectories: Trajectories,
 }
 
-/// What a group contributes.
+impl<'a> Judge<'a> {
+    pub(super) fn new(targets: &'a Targets, table: &Table<'_>) -> Self {
+        Self { targets, trajectories: table.trajectories() }
+    }
+
+    /// The score of one quantity's predictions.
+    pub(super) fn score(&self, quantity: usize, found: &Predictions, rng: &mut impl Rng) -> Interval {
+        let span = self.targets.spans[quantity];
+        let mut sums = vec![Sums::default(); self.trajectories.units()];
+        for (&row, predicted) in found.rows.iter().zip(found.values.chunks_exact(self.targets.columns)) {
+            let true_values = &self.targets.row(row)[span.first..span.first + span.columns];
+            let predicted = &predicted[span.first..span.first + span.columns];
+            let sums = &mut sums[self.trajectories.unit(row)];
+            sums.rows += 1.0;
+            if span.classes {
+                sums.hits += f64::from(u8::from(largest(predicted) == largest(true_values)));
+            } else {
+                sums.add(true_values[0], predicted[0]);
+            }
+        }
+        self.trajectories.bootstrap(rng, |weights| {
+            let total = |part: fn(&Sums) -> f64| {
+                sums.iter().zip(weights).map(|(sums, weight)| weight * part(sums)).sum::<f64>()
+            };
+            let rows = total(|sums| sums.rows);
+            if span.classes {
+                return total(|sums| sums.hits) / rows;
+            }
+            let sum = total(|sums| sums.sum);
+            1.0 - total(|sums| sums.error) / (total(|sums| sums.squares) - sum * sum / rows)
+        })
+    }
+}
+
+/// What a cell or episode contributes.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     rows: f64,

@@ -1,7 +1,7 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{HoldOut, Probe, ProbeOptions, ProbeScore, Quantity, Values, probe};
+use super::{Fit, HoldOut, Probe, ProbeOptions, ProbeScore, Quantity, Sample, Values, probe};
 use crate::{Error, Table};
 
 fn generator(seed: u64) -> ChaCha8Rng {
@@ -16,7 +16,12 @@ fn latents() -> (Vec<f32>, Vec<u32>, Vec<u32>) {
 }
 
 fn numbers(name: &str, values: impl Iterator<Item = f64>) -> Quantity {
-    Quantity { name: name.to_owned(), values: Values::Numbers(values.collect()) }
+    Quantity { name: name.to_owned(), hold_out: HoldOut::State, values: Values::Numbers(values.collect()) }
+}
+
+/// Probes of a table's own trajectories.
+fn within(table: &Table<'_>, quantities: &[Quantity], seed: u64) -> Result<Vec<ProbeScore>, Error> {
+    probe(Sample { table: *table, quantities }, Fit::HeldOut, ProbeOptions::default(), &mut generator(seed))
 }
 
 fn find<'s>(scores: &'s [ProbeScore], quantity: &str, probe: Probe) -> &'s ProbeScore {
@@ -37,19 +42,20 @@ fn probes_find_what_is_there_and_nothing_else() {
         numbers("elsewhere", (0..2000).map(|_| rng.random_range(-1.0..1.0))),
         Quantity {
             name: "side".to_owned(),
+            hold_out: HoldOut::State,
             values: Values::Classes((0..2000).map(|row| if x(row, 3) > 0.4 { 9 } else { 4 }).collect()),
         },
     ];
-    let scores = probe(&table, &quantities, ProbeOptions::default(), &mut generator(3)).unwrap();
-    let linear = find(&scores, "linear", Probe::Ridge);
+    let scores = within(&table, &quantities, 3).unwrap();
+    let linear = find(&scores, "linear", Probe::Linear);
     assert!((linear.score.estimate - 12.0 / 13.0).abs() < 0.015, "{linear:?}");
     assert!(linear.score.low < linear.score.estimate && linear.score.estimate < linear.score.high);
     assert!(linear.shuffled.estimate < 0.02 && linear.groups == 40);
-    assert!(find(&scores, "square", Probe::Ridge).score.estimate < 0.05);
+    assert!(find(&scores, "square", Probe::Linear).score.estimate < 0.05);
     assert!(find(&scores, "square", Probe::Knn).score.estimate > 0.3);
-    assert!(find(&scores, "elsewhere", Probe::Ridge).score.estimate < 0.02);
+    assert!(find(&scores, "elsewhere", Probe::Linear).score.estimate < 0.02);
     assert!(find(&scores, "elsewhere", Probe::Knn).score.estimate < 0.02);
-    let side = find(&scores, "side", Probe::Ridge);
+    let side = find(&scores, "side", Probe::Linear);
     assert!((side.chance - 0.7).abs() < 0.04 && side.score.estimate > 0.85, "{side:?}");
     assert!(side.shuffled.estimate < side.chance + 0.03);
     assert_eq!(side.measure, "accuracy");
@@ -67,7 +73,7 @@ fn held_out_trajectories_are_held_out() {
     let step: Vec<u32> = (0..2000).map(|row| row % 50).collect();
     let quantities = [numbers("secret", (0..2000).map(|row| secret[row / 50]))];
     let table = Table::new(6, &values, &episode, &step).unwrap();
-    for score in probe(&table, &quantities, ProbeOptions::default(), &mut generator(0)).unwrap() {
+    for score in within(&table, &quantities, 0).unwrap() {
         assert!(score.score.estimate < 0.3, "{score:?}");
     }
     // The same rows as a grid of 4 states: episodes 0-9 are cells of one state, and are held out together.
@@ -75,8 +81,8 @@ fn held_out_trajectories_are_held_out() {
     let distractor: Vec<Option<u32>> = episode.iter().map(|episode| Some(episode % 10)).collect();
     let grid = table.with_grid(&state, &distractor).unwrap();
     let groups = |hold_out| {
-        probe(&grid, &quantities, ProbeOptions { hold_out, ..ProbeOptions::default() }, &mut generator(0)).unwrap()[0]
-            .groups
+        let quantities = [Quantity { hold_out, ..quantities[0].clone() }];
+        within(&grid, &quantities, 0).unwrap()[0].groups
     };
     assert_eq!([HoldOut::State, HoldOut::Distractor, HoldOut::Episode].map(groups), [4, 10, 40]);
 }
@@ -88,7 +94,7 @@ fn same_seed_same_scores_whatever_the_threads() {
     let quantities = [numbers("first", values.chunks_exact(6).map(|x| f64::from(x[0])))];
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| probe(&table, &quantities, ProbeOptions::default(), &mut generator(7)).unwrap())
+        pool.install(|| within(&table, &quantities, 7).unwrap())
     };
     assert_eq!(run(1), run(3));
 }
@@ -97,15 +103,91 @@ fn same_seed_same_scores_whatever_the_threads() {
 fn refuses_what_it_cannot_judge() {
     let (values, episode, step) = latents();
     let table = Table::new(6, &values, &episode, &step).unwrap();
-    let run = |quantity, options| probe(&table, &[quantity], options, &mut generator(0));
-    let short = run(numbers("short", (0..10).map(f64::from)), ProbeOptions::default());
+    let run = |quantity| within(&table, &[quantity], 0);
+    let short = run(numbers("short", (0..10).map(f64::from)));
     assert!(matches!(short, Err(Error::Length { expected: 2000, found: 10, .. })));
-    let hole =
-        run(numbers("hole", (0..2000).map(|row| if row == 60 { f64::NAN } else { 0.0 })), ProbeOptions::default());
+    let hole = run(numbers("hole", (0..2000).map(|row| if row == 60 { f64::NAN } else { 0.0 })));
     assert!(matches!(hole, Err(Error::QuantityNotFinite { episode: 1, step: 10, .. })));
-    let no_grid = ProbeOptions { hold_out: HoldOut::Distractor, ..ProbeOptions::default() };
-    assert!(matches!(run(numbers("step", (0..2000).map(f64::from)), no_grid), Err(Error::NoGrid)));
-    let one = Table::new(6, &values, &[0; 2000], &step).unwrap();
-    let refused = probe(&one, &[], ProbeOptions::default(), &mut generator(0));
+    let step = numbers("step", (0..2000).map(f64::from));
+    let no_grid = run(Quantity { hold_out: HoldOut::Distractor, ..step.clone() });
+    assert!(matches!(no_grid, Err(Error::NoGrid)));
+    let one = Table::new(6, &values, &[0; 2000], &[0; 2000]).unwrap();
+    let refused = within(&one, std::slice::from_ref(&step), 0);
     assert!(matches!(refused, Err(Error::TooFewRows { found: 1, .. })));
+    let narrow = Table::new(3, &values[..6000], &episode, &[0; 2000]).unwrap();
+    let to_fit = Fit::On(Sample { table: narrow, quantities: std::slice::from_ref(&step) });
+    let judged = Sample { table, quantities: std::slice::from_ref(&step) };
+    let other = probe(judged, to_fit, ProbeOptions::default(), &mut generator(0));
+    assert!(matches!(other, Err(Error::Length { expected: 6, found: 3, .. })));
+}
+
+/// Three state trajectories are too few to fit 24 dimensions on, and many of another recording are not: the same quantity in the same latents.
+#[test]
+fn a_small_grid_is_read_by_probes_fitted_on_another_recording() {
+    let mut rng = generator(11);
+    let mut draw = |groups: u32| {
+        // Each trajectory stays near a place of its own, so that three trajectories span few directions.
+        let mut values = Vec::new();
+        for _ in 0..groups {
+            let home: [f32; 24] = std::array::from_fn(|_| rng.random_range(-1.0..1.0));
+            for _ in 0..20 {
+                values.extend(home.map(|x| x + 0.05 * rng.random_range(-1.0..1.0_f32)));
+            }
+        }
+        let rows = groups * 20;
+        let sum = |row: &[f32]| row[..6].iter().map(|&x| f64::from(x)).sum::<f64>();
+        let quantity = numbers("sum", values.chunks_exact(24).map(sum).collect::<Vec<_>>().into_iter());
+        (
+            values,
+            (0..rows).map(|row| row / 20).collect::<Vec<u32>>(),
+            (0..rows).map(|row| row % 20).collect(),
+            [quantity],
+        )
+    };
+    let ((a, episodes, steps, own), (b, other_episodes, other_steps, theirs)): (
+        (_, _, Vec<u32>, _),
+        (_, _, Vec<u32>, _),
+    ) = (draw(3), draw(80));
+    let judged = Sample { table: Table::new(24, &a, &episodes, &steps).unwrap(), quantities: &own };
+    let other = Sample { table: Table::new(24, &b, &other_episodes, &other_steps).unwrap(), quantities: &theirs };
+    let score = |fit| {
+        let scores = probe(judged, fit, ProbeOptions::default(), &mut generator(0)).unwrap();
+        (find(&scores, "sum", Probe::Linear).score, find(&scores, "sum", Probe::Linear).shuffled)
+    };
+    let (alone, (elsewhere, shuffled)) = (score(Fit::HeldOut).0, score(Fit::On(other)));
+    assert!(elsewhere.estimate > 0.99 && alone.estimate < 0.5, "{elsewhere:?} {alone:?}");
+    assert!(shuffled.estimate < 0.5, "{shuffled:?}");
+}
+
+/// Which of three classes, by clouds of known overlap: two standard normal clouds at ±1 along a line are told apart 84% of the time.
+#[test]
+fn the_logistic_probe_reaches_the_best_possible_accuracy() {
+    let mut rng = generator(12);
+    let mut normal = || (0..12).map(|_| rng.random_range(-0.5..0.5_f32)).sum::<f32>();
+    let class = |row: u32| row.wrapping_mul(2_654_435_761) >> 31;
+    let values: Vec<f32> =
+        (0..6000).flat_map(|row| [normal() + 2.0 * class(row) as f32 - 1.0, 5.0 * normal()]).collect();
+    let (episode, step): (Vec<u32>, Vec<u32>) = (0..6000).map(|row| (row / 100, row % 100)).unzip();
+    let side = Quantity {
+        name: "side".to_owned(),
+        hold_out: HoldOut::State,
+        values: Values::Classes((0..6000).map(class).collect()),
+    };
+    let table = Table::new(2, &values, &episode, &step).unwrap();
+    let scores = within(&table, &[side], 1).unwrap();
+    let linear = find(&scores, "side", Probe::Linear);
+    assert!((linear.score.estimate - 0.8413).abs() < 0.015, "{linear:?}");
+    assert!(linear.score.low < 0.8413 && linear.score.high > 0.8413, "{linear:?}");
+    assert!((linear.shuffled.estimate - 0.5).abs() < 0.1, "{linear:?}");
+}
+
+/// Ridge of one feature with one trajectory a part: the fit is the formula `b = cov / (var + λ)`, on the latent as it is.
+#[test]
+fn ridge_of_a_noiseless_line_is_exact() {
+    let values: Vec<f32> = (0..400).map(|row| (row % 37) as f32 / 7.0 + 100.0).collect();
+    let (episode, step): (Vec<u32>, Vec<u32>) = (0..400).map(|row| (row / 20, row % 20)).unzip();
+    let line = numbers("line", values.clone().into_iter().map(|x| 3.0 * f64::from(x) - 2.0));
+    let table = Table::new(1, &values, &episode, &step).unwrap();
+    let scores = within(&table, &[line], 0).unwrap();
+    assert!(find(&scores, "line", Probe::Linear).score.estimate > 1.0 - 1e-9);
 }

@@ -70,14 +70,32 @@ fn keeps_neighbourhoods_and_depends_on_the_seed_alone() {
 fn duplicated_points_and_too_few_points() {
     let values: Vec<f32> = (0..300).flat_map(|row| [(row % 5) as f32, (row % 3) as f32]).collect();
     with_space(&values, 2, |space| {
-        let options = TsneOptions { perplexity: 5.0, iterations: 200, ..TsneOptions::default() };
+        let options = TsneOptions { perplexity: Some(5.0), iterations: 200, ..TsneOptions::default() };
         let map = tsne(space, options, &mut generator(0)).unwrap();
         assert!(map.as_flattened().iter().all(|x| x.is_finite()));
         assert!(matches!(
-            tsne(space, TsneOptions { perplexity: 100.0, ..options }, &mut generator(0)),
-            Err(Error::TooFewNeighbours { needed: 300, found: 299, .. })
+            tsne(space, TsneOptions { perplexity: Some(100.0), ..options }, &mut generator(0)),
+            Err(Error::Option { option: "perplexity", .. })
         ));
         let refused = tsne(space, TsneOptions { theta: 2.0, ..options }, &mut generator(0));
         assert!(matches!(refused, Err(Error::Option { option: "theta", .. })));
     });
+}
+
+/// The default fits tables of any size from four rows on, as those of a short recording are.
+#[test]
+fn the_default_fits_the_rows() {
+    for rows in [4, 5, 13, 78, 90, 91] {
+        let mut rng = generator(rows as u64);
+        let values: Vec<f32> = (0..rows * 3).map(|_| rng.random_range(-1.0..1.0)).collect();
+        with_space(&values, 3, |space| {
+            let options = TsneOptions { iterations: 100, ..TsneOptions::default() };
+            let map = tsne(space, options, &mut generator(0)).unwrap();
+            assert!(map.len() == rows && map.as_flattened().iter().all(|x| x.is_finite()), "{rows} rows");
+        });
+    }
+    assert_eq!(TsneOptions::default().graph_size(78).unwrap(), 77);
+    assert_eq!(TsneOptions::default().graph_size(91).unwrap(), 90);
+    assert_eq!(TsneOptions::default().graph_size(1000).unwrap(), 90);
+    assert!(matches!(TsneOptions::default().graph_size(3), Err(Error::TooFewRows { needed: 4, .. })));
 }

@@ -110,7 +110,7 @@ fn parts_that_are_not_connected_stay_apart() {
         .flat_map(|at| [at + rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)])
         .collect();
     with_space(&values, 3, |space| {
-        let options = UmapOptions { neighbours: 5, ..UmapOptions::default() };
+        let options = UmapOptions { neighbours: Some(5), ..UmapOptions::default() };
         let map = umap(space, options, &mut generator(0)).unwrap();
         assert!(finite(&map));
         let centre = |rows: std::ops::Range<usize>| {
@@ -197,8 +197,9 @@ fn starts_from_principal_components_as_well() {
 fn refuses_what_cannot_be_laid_out() {
     with_space(&golden()[..10 * 32], 32, |space| {
         let run = |options| umap(space, options, &mut generator(0));
-        assert!(matches!(run(UmapOptions::default()), Err(Error::TooFewNeighbours { needed: 14, found: 9, .. })));
-        let options = UmapOptions { neighbours: 4, ..UmapOptions::default() };
+        let many = UmapOptions { neighbours: Some(15), ..UmapOptions::default() };
+        assert!(matches!(run(many), Err(Error::TooFewNeighbours { needed: 14, found: 9, .. })));
+        let options = UmapOptions { neighbours: Some(4), ..UmapOptions::default() };
         assert!(run(options).is_ok());
         assert!(matches!(run(UmapOptions { min_dist: 2.0, ..options }), Err(Error::Option { option: "min-dist", .. })));
         assert!(matches!(
@@ -206,9 +207,38 @@ fn refuses_what_cannot_be_laid_out() {
             Err(Error::Option { option: "spread", .. })
         ));
         assert!(matches!(
-            run(UmapOptions { neighbours: 1, ..options }),
+            run(UmapOptions { neighbours: Some(1), ..options }),
             Err(Error::Option { option: "neighbours", .. })
         ));
+    });
+}
+
+/// The default fits tables of any size from two rows on, as those of a short recording are.
+#[test]
+fn the_default_fits_the_rows() {
+    for rows in [2, 3, 4, 10, 15, 16] {
+        with_space(&golden()[..rows * 32], 32, |space| {
+            let map = umap(space, UmapOptions::default(), &mut generator(0)).unwrap();
+            assert!(map.len() == rows && map.as_flattened().iter().all(|x| x.is_finite()), "{rows} rows");
+        });
+    }
+}
+
+/// Half of the rows in one point, as a collapsed encoder puts them. The neighbours are those of the definition, and memory does not grow with the square of
+/// the equal rows: what each query keeps is as small as without them.
+#[test]
+fn many_equal_rows_are_no_trouble() {
+    let mut rng = generator(2);
+    let rows = 3000;
+    let values: Vec<f32> =
+        (0..rows * 8).map(|at| if at / 8 % 2 == 0 { 0.5 } else { rng.random_range(-1.0..1.0) }).collect();
+    with_space(&values, 8, |space| {
+        let neighbours = neighbour_graph(space, UmapOptions::default()).unwrap();
+        let first: Vec<u32> = (0..14).map(|i| 2 * i).collect();
+        assert_eq!(neighbours.rows(rows - 2), first, "of equal rows the first by row");
+        assert_eq!(neighbours.rows(0), (1..15).map(|i| 2 * i).collect::<Vec<u32>>());
+        let map = umap(space, UmapOptions { epochs: Some(20), ..UmapOptions::default() }, &mut generator(0)).unwrap();
+        assert!(map.as_flattened().iter().all(|x| x.is_finite()));
     });
 }
 

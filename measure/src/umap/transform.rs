@@ -21,7 +21,7 @@ pub fn transform(
     rng: &mut impl Rng,
 ) -> Result<Vec<Position>, Error> {
     options.check()?;
-    let (neighbours, memberships) = nearest_old(space, positions, new, options.neighbours)?;
+    let (neighbours, memberships) = nearest_old(space, positions, new, options.neighbourhood(space.table().rows()))?;
     let mut placed = means(&neighbours, &memberships, positions);
     let descent = Descent {
         curve: Curve::fit(options.min_dist, options.spread),

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use anyhow::{Context as _, Result};
 use clap::Args;
 use vibes_data::{Recording, write_atomically};
+use vibes_measure::numbers::Number;
 use vibes_model::Model;
-use vibes_train::evaluate::{GapOptions, Gaps, Probe, Report, evaluate, gaps};
+use vibes_train::evaluate::{EvaluateOptions, GapOptions, Gaps, Report, evaluate, gaps};
 use vibes_train::run::Run;
 
 use super::Context;
@@ -20,6 +21,9 @@ pub(crate) struct EvaluateArgs {
     /// Updates of the fresh critic that measures the gaps to a bisimulation; 0 leaves them out. Needs the run's recordings.
     #[arg(long, default_value_t = 500, value_name = "N")]
     gap_updates: u64,
+    /// Episodes of the run's recordings that the probes are fitted on, at most; 0, or recordings that are gone: the grid's own trajectories, held out in turn.
+    #[arg(long, default_value_t = 100, value_name = "N")]
+    probe_episodes: usize,
     /// Where to write the numbers [default: RUN/evaluation.json].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -31,10 +35,20 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     let grid = Recording::open(&args.grid)?;
     let device = context.device.open()?;
     let model = Model::load(&checkpoint, &device)?;
-    let report = evaluate(&model, &grid, &device)?;
+    let training = run.info().recordings.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>();
+    let to_fit = match &training {
+        Ok(training) if args.probe_episodes > 0 => training.as_slice(),
+        _ => &[],
+    };
+    let options = EvaluateOptions { probe_episodes: args.probe_episodes, ..EvaluateOptions::default() };
+    let report = evaluate(&model, &grid, to_fit, options, &device)?;
     let gaps = match args.gap_updates {
         0 => None,
-        updates => Some(measure_gaps(&run, &model, &grid, updates, &device)?),
+        updates => {
+            let training =
+                training.context("the gaps need the run's recordings; leave them out with --gap-updates 0")?;
+            Some(gaps(&model, &training, &grid, GapOptions::like(&run.info().options, updates), &device)?)
+        }
     };
     let numbers = serde_json::json!({ "run": run.path(), "checkpoint": checkpoint, "grid": args.grid, "gap_updates": args.gap_updates, "report": report, "gaps": gaps });
     let text = serde_json::to_string_pretty(&numbers)? + "\n";
@@ -52,48 +66,53 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     Ok(())
 }
 
-fn measure_gaps(
-    run: &Run,
-    model: &Model,
-    grid: &Recording,
-    updates: u64,
-    device: &burn::tensor::Device,
-) -> Result<Gaps> {
-    let options = &run.info().options;
-    let training = run.info().recordings.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>();
-    let training = training.context("the gaps need the run's recordings; leave them out with --gap-updates 0")?;
-    let options = GapOptions::like(options, updates);
-    Ok(gaps(model, &training, grid, options, device)?)
-}
-
 fn print_report(report: &Report) {
-    println!(
-        "same-state retrieval@1   {:.3}   (past actions {:.3}, chance {:.3})",
-        report.retrieval_at_1, report.retrieval_at_1_actions, report.retrieval_at_1_chance
-    );
-    let shares = &report.shares;
-    println!(
-        "variance shares          state {:.3} (noise {:.3}), distractor {:.3}, interaction {:.3}",
-        shares.state, shares.state_of_noise, shares.distractor, shares.interaction
-    );
-    println!("within a state           {:.3} of all variance", shares.within_state);
-    println!("{:<32} {:>8} {:>13} {:>7}", "read by ridge, held out (R²)", "latents", "past actions", "chance");
-    let is_color = |probe: &&Probe| [" red", " green", " blue"].iter().any(|channel| probe.name.ends_with(channel));
-    for probe in report.probes.iter().filter(|probe| !is_color(probe)) {
+    println!("{:<52} {:>24} {:>13} {:>7}", "number", "latents [95% interval]", "past actions", "chance");
+    let is_probe = |number: &&Number| number.name.starts_with("probe");
+    report.numbers.iter().filter(|number| !is_probe(number)).for_each(|number| print_number(&number.name, number));
+    match report.fitted_on {
+        Some(episodes) => {
+            println!("read by linear probes fitted on {episodes} training episodes (R²; accuracy for video):")
+        }
+        None => println!("read by linear probes fitted on the grid's other trajectories (R²; accuracy for video):"),
+    }
+    let linear = report.numbers.iter().filter_map(|number| Some((number.name.strip_prefix("probe/")?, number)));
+    let (colors, single): (Vec<_>, Vec<_>) = linear.partition(|(name, _)| is_color(name));
+    for (name, number) in single {
+        let quantity = name.rsplit_once('/').map_or(name, |(quantity, _)| quantity);
+        print_number(&format!("{}: {name}", report.quantities.get(quantity).unwrap_or(&"")), number);
+    }
+    if !colors.is_empty() {
+        let mean = |of: &dyn Fn(&Number) -> f64| {
+            colors.iter().map(|(_, number)| of(number)).sum::<f64>() / colors.len() as f64
+        };
+        let actions = |number: &Number| number.past_actions.map_or(f64::NAN, |actions| actions.estimate);
+        let name = format!("distractor: colours, mean of {}", colors.len());
         println!(
-            "{:<32} {:>8.3} {:>13.3} {:>7.3}",
-            format!("{} {}", probe.kind, probe.name),
-            probe.latents,
-            probe.actions,
-            probe.chance
+            "{name:<52} {:>24.3} {:>13.3} {:>7.3}",
+            mean(&|n| n.value.estimate),
+            mean(&actions),
+            mean(&|n| n.chance)
         );
     }
-    let colors: Vec<&Probe> = report.probes.iter().filter(is_color).collect();
-    if !colors.is_empty() {
-        let mean = |of: fn(&Probe) -> f64| colors.iter().map(|probe| of(probe)).sum::<f64>() / colors.len() as f64;
-        let name = format!("distractor colours (mean of {})", colors.len());
-        println!("{name:<32} {:>8.3} {:>13.3} {:>7.3}", mean(|probe| probe.latents), mean(|probe| probe.actions), 0.0);
-    }
+}
+
+/// Whether a probe is of one of the many channels of the materials' colours.
+fn is_color(name: &str) -> bool {
+    let quantity = name.rsplit_once('/').map_or(name, |(quantity, _)| quantity);
+    [" red", " green", " blue"].iter().any(|channel| quantity.ends_with(channel))
+}
+
+fn print_number(name: &str, number: &Number) {
+    let value = number.value;
+    let text = if value.low.is_finite() {
+        format!("{:.3} [{:.3}, {:.3}]", value.estimate, value.low, value.high)
+    } else {
+        format!("{:.3}", value.estimate)
+    };
+    let actions = number.past_actions.map_or_else(String::new, |actions| format!("{:.3}", actions.estimate));
+    let chance = if number.chance.is_finite() { format!("{:.3}", number.chance) } else { String::new() };
+    println!("{name:<52} {text:>24} {actions:>13} {chance:>7}");
 }
 
 fn print_gaps(gaps: &Gaps) {

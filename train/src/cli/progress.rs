@@ -109,13 +109,16 @@ fn summary(row: &Row) -> String {
 }
 
 fn held_out(evaluation: &Evaluation) -> String {
-    let (report, shares) = (&evaluation.report, &evaluation.report.shares);
+    let number = |name: &str| evaluation.report.numbers.get(name).map_or(f64::NAN, |number| number.value.estimate);
     let gaps = evaluation.gaps.map_or(String::new(), |gaps| {
         format!("; gaps reward {:+.2}, dynamics {:+.2} nats", gaps.reward_gap, gaps.dynamics_gap)
     });
     format!(
-        "held-out grid: retrieval@1 {:.2}, variance shares state {:.2}, distractor {:.2}, interaction {:.2}{gaps}",
-        report.retrieval_at_1, shares.state, shares.distractor, shares.interaction
+        "held-out grid: retrieval_same_step@1 {:.2}, variance shares state {:.2}, distractor {:.2}, interaction {:.2}{gaps}",
+        number("retrieval_same_step@1"),
+        number("state_share"),
+        number("distractor_share"),
+        number("interaction_share")
     )
 }
 

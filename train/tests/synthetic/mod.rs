@@ -31,6 +31,7 @@ pub fn spec(side: u32) -> Spec {
         materials: Vec::new(),
         control_timestep: 0.02,
         action_repeat: 1,
+        quantities: Vec::new(),
     }
 }
 

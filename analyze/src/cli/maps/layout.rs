@@ -56,7 +56,7 @@ impl MapOptions {
         let of_drawn = std::mem::take(&mut laid_out.positions);
         let placed = place(&session.latents, &others, |new| match self.method {
             Method::Umap => transform(&space, &of_drawn, new, self.umap(), rng),
-            _ => among_neighbours(&space, &of_drawn, new, self.neighbours),
+            _ => among_neighbours(&space, &of_drawn, new, self.umap().neighbourhood(drawn.len())),
         })?;
         laid_out.positions = vec![[0.0; 2]; rows];
         for (row, at) in drawn.into_iter().zip(of_drawn).chain(others.into_iter().zip(placed)) {
@@ -74,7 +74,8 @@ impl MapOptions {
         rng: &mut impl Rng,
     ) -> anyhow::Result<LaidOut> {
         let tsne = TsneOptions { perplexity: self.perplexity, ..TsneOptions::default() };
-        let size = if self.method == Method::Umap { self.umap().graph_size()? } else { tsne.graph_size()? };
+        let rows = table.rows();
+        let size = if self.method == Method::Umap { self.umap().graph_size(rows)? } else { tsne.graph_size(rows)? };
         let space = Space::new(table, self.metric)?;
         let (graph, graph_reused) = self.graph(&space, size, drawn, session, globals)?;
         let positions = match self.method {

@@ -39,7 +39,7 @@ impl OldMap {
         let number = |name: &str, default: f64| given[name].as_f64().unwrap_or(default);
         let usual = UmapOptions::default();
         let options = UmapOptions {
-            neighbours: given["neighbours"].as_u64().map_or(usual.neighbours, |n| n as usize),
+            neighbours: given["neighbours"].as_u64().map(|n| n as usize),
             min_dist: number("min_dist", usual.min_dist),
             spread: number("spread", usual.spread),
             epochs: given["epochs"].as_u64().map(|n| n as usize),

@@ -1,0 +1,144 @@
+//! Who is judged by a probe fitted on whom: other trajectories of the same table, or another table.
+
+use rand::Rng;
+use rand::seq::SliceRandom;
+
+use super::quantity::Targets;
+use super::score::Judge;
+use super::{HoldOut, Probe, ProbeOptions, ProbeScore, Sample, Values, knn, logistic, ridge};
+use crate::table::number;
+use crate::{Error, Table};
+
+/// Predictions of some rows, `[rows, columns]`.
+pub(super) struct Predictions {
+    pub rows: Vec<usize>,
+    pub values: Vec<f64>,
+}
+
+/// Linear and kNN scores of each quantity (all numbers or all classes), every row judged by a probe fitted on the folds it is not in.
+pub(super) fn within(
+    judged: Sample<'_>,
+    hold_out: HoldOut,
+    options: ProbeOptions,
+    rng: &mut impl Rng,
+) -> Result<Vec<[ProbeScore; 2]>, Error> {
+    let table = &judged.table;
+    let groups = groups(table, hold_out)?;
+    let count = groups.iter().max().map_or(0, |&last| last as usize + 1);
+    if count < 2 {
+        return Err(Error::TooFewRows { what: "a probe: trajectories", needed: 2, found: count });
+    }
+    let deal = Deal::new(&groups, count, options.folds, rng);
+    let targets = Targets::new(table, judged.quantities)?;
+    let shuffled = targets.shuffled(&groups, count, rng);
+    let classes = matches!(judged.quantities[0].values, Values::Classes(_));
+    let linear = |targets: &Targets, rng: &mut _| {
+        if classes {
+            logistic::predict(table, targets, &deal.fold, options.logistic_rows, rng)
+        } else {
+            Ok(Predictions { rows: (0..table.rows()).collect(), values: ridge::predict(table, targets, &deal)? })
+        }
+    };
+    let near = knn::Neighbourhoods::held_out(table, &deal.fold, options, rng)?;
+    let found = [
+        (Probe::Linear, linear(&targets, rng)?, linear(&shuffled, rng)?),
+        (Probe::Knn, near.predict(&targets), near.predict(&shuffled)),
+    ];
+    // A shuffled probe is judged on shuffled quantities: every trajectory has another's, the held-out one too.
+    let judges = [Judge::new(&targets, table), Judge::new(&shuffled, table)];
+    Ok(scores(judged, &targets, &found, &judges, count, rng))
+}
+
+/// Linear and kNN scores of each quantity (all numbers), every row judged by a probe fitted on the other table.
+pub(super) fn fitted_elsewhere(
+    judged: Sample<'_>,
+    fitted: Sample<'_>,
+    options: ProbeOptions,
+    rng: &mut impl Rng,
+) -> Result<Vec<[ProbeScore; 2]>, Error> {
+    let groups = fitted.table.state_trajectories();
+    let count = groups.iter().max().map_or(0, |&last| last as usize + 1);
+    let deal = Deal::new(&groups, count, options.folds, rng);
+    let (targets, theirs) =
+        (Targets::new(&judged.table, judged.quantities)?, Targets::new(&fitted.table, fitted.quantities)?);
+    let shuffled = theirs.shuffled(&groups, count, rng);
+    let linear = |theirs: &Targets| {
+        let values = ridge::predict_elsewhere(&fitted.table, theirs, &deal, &judged.table)?;
+        Ok::<_, Error>(Predictions { rows: (0..judged.table.rows()).collect(), values })
+    };
+    let near = knn::Neighbourhoods::elsewhere(&fitted.table, &judged.table, options, rng)?;
+    let found = [
+        (Probe::Linear, linear(&theirs)?, linear(&shuffled)?),
+        (Probe::Knn, near.predict(&theirs), near.predict(&shuffled)),
+    ];
+    let judge = Judge::new(&targets, &judged.table);
+    let cells = judged.table.trajectories().units();
+    Ok(scores(judged, &targets, &found, &[judge.clone(), judge], cells, rng))
+}
+
+fn scores(
+    judged: Sample<'_>,
+    targets: &Targets,
+    found: &[(Probe, Predictions, Predictions); 2],
+    judges: &[Judge<'_>; 2],
+    groups: usize,
+    rng: &mut impl Rng,
+) -> Vec<[ProbeScore; 2]> {
+    let mut scores = Vec::new();
+    for (at, quantity) in judged.quantities.iter().enumerate() {
+        let (measure, chance) = targets.measure(at);
+        let mut pair = found.iter().map(|(probe, predicted, control)| ProbeScore {
+            quantity: quantity.name.clone(),
+            probe: *probe,
+            measure,
+            score: judges[0].score(at, predicted, rng),
+            shuffled: judges[1].score(at, control, rng),
+            chance,
+            groups,
+        });
+        if let (Some(linear), Some(knn)) = (pair.next(), pair.next()) {
+            scores.push([linear, knn]);
+        }
+    }
+    scores
+}
+
+/// The group of each row, numbered from 0.
+fn groups(table: &Table<'_>, hold_out: HoldOut) -> Result<Vec<u32>, Error> {
+    let cells: Option<Vec<(u32, u32)>> = (0..table.rows()).map(|row| table.cell(row)).collect();
+    match (hold_out, cells) {
+        (HoldOut::State, _) => Ok(table.state_trajectories()),
+        (HoldOut::Distractor, Some(cells)) => Ok(number(&cells.iter().map(|cell| cell.1).collect::<Vec<u32>>())),
+        (HoldOut::Distractor, None) => Err(Error::NoGrid),
+        (HoldOut::Episode, _) => Ok(number(table.episode())),
+    }
+}
+
+/// Groups dealt into folds, and within each fold into five parts, over which a penalty is chosen.
+pub(super) struct Deal {
+    /// The fold of each row.
+    pub fold: Vec<u32>,
+    /// The part of each row.
+    pub part: Vec<u32>,
+    pub folds: usize,
+}
+
+/// Parts over which a penalty is chosen.
+pub(super) const PARTS: usize = 5;
+
+impl Deal {
+    /// A shuffled deal of `count` groups.
+    fn new(groups: &[u32], count: usize, folds: usize, rng: &mut impl Rng) -> Self {
+        let folds = folds.clamp(2, count.max(2));
+        let mut order: Vec<usize> = (0..count).collect();
+        order.shuffle(rng);
+        let (mut fold, mut part) = (vec![0; count], vec![0; count]);
+        for (place, &group) in order.iter().enumerate() {
+            fold[group] = (place % folds) as u32;
+            // Groups of one fold go to one part after the other, and each fold begins with another, so that few groups fill all parts too.
+            part[group] = ((place / folds + place % folds) % PARTS) as u32;
+        }
+        let of = |deal: &[u32]| groups.iter().map(|&group| deal[group as usize]).collect();
+        Self { fold: of(&fold), part: of(&part), folds }
+    }
+}

@@ -1,0 +1,196 @@
+//! The rows that are measured: every row of some episodes, with their keys, their cells and what they say. In: recordings. Out: columns for `vibes-measure`.
+
+use vibes_data::{About, EpisodeView, Readable, Recording};
+use vibes_measure::Table;
+use vibes_measure::past_actions::{past_action_dims, past_action_features};
+use vibes_measure::probes::{HoldOut, Quantity, Values};
+
+use super::Features;
+use crate::error::Result;
+
+/// All rows of some episodes of one or more recordings, episode after episode.
+#[derive(Debug)]
+pub struct Rows {
+    views: Vec<EpisodeView>,
+    /// What the rows of each episode say, by recording.
+    readable: Vec<Vec<Readable>>,
+    /// The recording of each episode.
+    recording: Vec<usize>,
+    /// Columns of all rows; episodes and cells of different recordings have different numbers.
+    episode: Vec<u32>,
+    step: Vec<u32>,
+    state: Vec<Option<u32>>,
+    distractor: Vec<Option<u32>>,
+}
+
+impl Rows {
+    /// The rows of at most `most` episodes, evenly spread over the recordings.
+    ///
+    /// # Errors
+    /// An episode cannot be read.
+    pub fn of(recordings: &[Recording], most: usize) -> Result<Self> {
+        let all: usize = recordings.iter().map(|recording| recording.episodes().len()).sum();
+        let every = all.div_ceil(most.max(1)).max(1);
+        let mut rows = Self {
+            views: Vec::new(),
+            readable: recordings.iter().map(|recording| recording.manifest().spec.readable()).collect(),
+            recording: Vec::new(),
+            episode: Vec::new(),
+            step: Vec::new(),
+            state: Vec::new(),
+            distractor: Vec::new(),
+        };
+        let entries = recordings
+            .iter()
+            .enumerate()
+            .flat_map(|(at, recording)| recording.episodes().iter().map(move |entry| (at, recording, entry.index)));
+        let mut offset = Offset::default();
+        for (number, (at, recording, index)) in entries.enumerate() {
+            if number % every == 0 {
+                offset.begin(at, &rows);
+                rows.push(at, recording.episode(index)?, offset);
+            }
+        }
+        Ok(rows)
+    }
+
+    fn push(&mut self, recording: usize, view: EpisodeView, offset: Offset) {
+        let count = view.rows();
+        self.episode.extend(std::iter::repeat_n(view.index() + offset.episode, count));
+        self.step.extend(0..count as u32);
+        let cell = view.cell();
+        self.state.extend(std::iter::repeat_n(cell.map(|cell| cell.state + offset.state), count));
+        self.distractor.extend(std::iter::repeat_n(cell.map(|cell| cell.distractor + offset.distractor), count));
+        self.recording.push(recording);
+        self.views.push(view);
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.episode.is_empty()
+    }
+
+    /// Number of episodes.
+    pub fn episodes(&self) -> usize {
+        self.views.len()
+    }
+
+    /// The episodes.
+    pub fn views(&self) -> &[EpisodeView] {
+        &self.views
+    }
+
+    /// A table of all rows.
+    ///
+    /// # Errors
+    /// Features of other rows, or values that are not finite.
+    pub fn table<'a>(&'a self, features: &'a Features) -> Result<Table<'a>> {
+        let table = Table::new(features.dims, &features.values, &self.episode, &self.step)?;
+        Ok(table.with_grid(&self.state, &self.distractor)?)
+    }
+
+    /// The action-only control's features of all rows.
+    pub fn past_actions(&self) -> Features {
+        let axes = self.views.first().filter(|view| view.steps() > 0).map_or(0, |view| view.action(0).len());
+        let of = |view: &EpisodeView| {
+            let actions: Vec<f32> = (0..view.steps()).flat_map(|step| view.action(step)).copied().collect();
+            past_action_features(&actions, axes)
+        };
+        Features {
+            name: "past_actions",
+            dims: past_action_dims(axes),
+            values: self.views.iter().flat_map(of).collect(),
+        }
+    }
+
+    /// What the rows of every recording say, by name; of rows that say different things, what the first says.
+    pub fn readable(&self) -> &[Readable] {
+        self.readable.first().map_or(&[], Vec::as_slice)
+    }
+
+    /// The rows with an action, so that every quantity can have a value, and the columns of these rows alone.
+    pub fn acting(&self) -> Acting {
+        let ends = self.views.iter().scan(0, |end, view| {
+            *end += view.rows();
+            Some(*end - 1)
+        });
+        let last: Vec<usize> = ends.collect();
+        let kept: Vec<usize> = (0..self.episode.len()).filter(|row| last.binary_search(row).is_err()).collect();
+        Acting {
+            episode: kept.iter().map(|&row| self.episode[row]).collect(),
+            step: kept.iter().map(|&row| self.step[row]).collect(),
+            state: kept.iter().map(|&row| self.state[row]).collect(),
+            distractor: kept.iter().map(|&row| self.distractor[row]).collect(),
+            kept,
+        }
+    }
+
+    /// The values of a quantity in the rows with an action; none if some row has none.
+    pub fn quantity(&self, name: &str) -> Option<Quantity> {
+        let mut values = Vec::new();
+        let (mut classes, mut hold_out) = (false, HoldOut::State);
+        for (view, &recording) in self.views.iter().zip(&self.recording) {
+            let readable = self.readable[recording].iter().find(|readable| readable.name == name)?;
+            classes = readable.is_class();
+            if readable.about == About::Distractor {
+                hold_out = HoldOut::of_distractor(classes, self.state.iter().all(Option::is_some));
+            }
+            for row in 0..view.steps() {
+                values.push(readable.value(view, row)?);
+            }
+        }
+        let values = if classes {
+            Values::Classes(values.into_iter().map(|class| class as u32).collect())
+        } else {
+            Values::Numbers(values)
+        };
+        Some(Quantity { name: name.to_owned(), hold_out, values })
+    }
+}
+
+/// What is added to the numbers of a recording's episodes and cells.
+#[derive(Debug, Clone, Copy, Default)]
+struct Offset {
+    recording: usize,
+    episode: u32,
+    state: u32,
+    distractor: u32,
+}
+
+impl Offset {
+    /// Before the first episode of a recording.
+    fn begin(&mut self, recording: usize, before: &Rows) {
+        if recording != self.recording {
+            let after = |column: &[Option<u32>]| column.iter().flatten().max().map_or(0, |last| last + 1);
+            let episode = before.episode.iter().max().map_or(0, |last| last + 1);
+            *self = Self { recording, episode, state: after(&before.state), distractor: after(&before.distractor) };
+        }
+    }
+}
+
+/// The rows with an action.
+#[derive(Debug)]
+pub struct Acting {
+    kept: Vec<usize>,
+    episode: Vec<u32>,
+    step: Vec<u32>,
+    state: Vec<Option<u32>>,
+    distractor: Vec<Option<u32>>,
+}
+
+impl Acting {
+    /// These rows of a table of features of all rows.
+    pub fn of(&self, features: &Features) -> Features {
+        let row = |&row: &usize| &features.values[row * features.dims..(row + 1) * features.dims];
+        Features { values: self.kept.iter().flat_map(row).copied().collect(), ..Features::clone(features) }
+    }
+
+    /// A table of these rows.
+    ///
+    /// # Errors
+    /// Features of other rows, or values that are not finite.
+    pub fn table<'a>(&'a self, features: &'a Features) -> Result<Table<'a>> {
+        let table = Table::new(features.dims, &features.values, &self.episode, &self.step)?;
+        Ok(table.with_grid(&self.state, &self.distractor)?)
+    }
+}
