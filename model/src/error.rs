@@ -47,6 +47,14 @@ pub enum ModelError {
         /// Columns of the picture.
         width: usize,
     },
+    /// The model-free agents' networks cannot take such pictures.
+    #[error("pictures of {height}×{width} are too small for four 3×3 convolutions; at least 15×15 are needed")]
+    StackTooSmall {
+        /// Rows of the picture.
+        height: usize,
+        /// Columns of the picture.
+        width: usize,
+    },
     /// What the model was made for and what it is given differ.
     #[error("the model takes {wanted}, but the recording holds {found}")]
     Mismatch {

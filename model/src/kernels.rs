@@ -4,7 +4,7 @@
 //! differentiable through Burn's autodiff where that makes sense.
 //!
 //! A tensor's device decides how a function runs. On `flex` it is a custom operation with a hand-written backward pass
-//! (`convolution`, `transposed`, `recurrence`); on every other device it is the composition of ordinary Burn operations in [`plain`],
+//! (`convolution`, `conv3`, `transposed`, `recurrence`); on every other device it is the composition of ordinary Burn operations in [`plain`],
 //! which is also what the tests compare against. The numbers agree up to float32 rounding.
 //!
 //! The fast path is float32 throughout. It picks its instructions when the program runs (AVX-512, AVX2 with FMA, or what
@@ -13,6 +13,7 @@
 //! the float32 multiply-add 175; the saving comes from multiplying less ([`features`]) and from staying in cache.
 
 pub mod adam;
+mod conv3;
 mod convolution;
 mod flex;
 mod instructions;
@@ -25,6 +26,7 @@ mod recurrence;
 mod transposed;
 
 pub use adam::{Adam, Moments};
+pub use conv3::{Conv3Layer, conv3_features, conv3_size};
 pub use convolution::{ConvLayer, feature_count, features, pixel_tensor};
 pub use instructions::Instructions;
 pub use pixel_error::pixel_error;

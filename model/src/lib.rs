@@ -8,6 +8,8 @@
 //! | [`observe`], [`cnn`], [`mlp`], [`gru`], [`linear`] | the layers they are made of |
 //! | [`kernels`] | the operations that decide how long an update takes |
 //! | [`gaussian`] | the distributions they predict |
+//! | [`cross_entropy`] | the action a critic values most |
+//! | [`sac`], [`slow`] | the networks of agents without a world model, and slow copies |
 //! | [`checkpoint`], [`parameters`] | weights on disk and by name |
 //! | [`encode`], [`scale`] | a trained encoder at work, and how raw numbers enter it |
 //!
@@ -17,6 +19,7 @@ pub mod adversary;
 pub mod checkpoint;
 pub mod cnn;
 pub mod config;
+pub mod cross_entropy;
 pub mod decoder;
 pub mod dynamics;
 pub mod encode;
@@ -32,7 +35,9 @@ pub mod model;
 pub mod observe;
 pub mod parameters;
 pub mod reward;
+pub mod sac;
 pub mod scale;
+pub mod slow;
 
 pub use config::{ModelConfig, ObservationKind};
 pub use error::ModelError;

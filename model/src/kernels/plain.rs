@@ -6,13 +6,24 @@ use burn::tensor::module::{conv_transpose2d, conv2d};
 use burn::tensor::ops::{ConvOptions, ConvTransposeOptions};
 use burn::tensor::{Int, Tensor, activation};
 
-use super::{ConvLayer, TransposedLayer};
+use super::{Conv3Layer, ConvLayer, TransposedLayer};
 
 /// Convolutional features of pixels, as [`features`](super::features) defines them.
 pub fn features(pixels: Tensor<4, Int>, layers: &[ConvLayer]) -> Tensor<2> {
     let x = pixels.float().permute([0, 3, 1, 2]) / 255.0 - 0.5;
     let y = layers.iter().fold(x, |x, layer| {
         let options = ConvOptions::new([2, 2], [0, 0], [1, 1], 1);
+        activation::relu(conv2d(x, layer.weight.clone(), Some(layer.bias.clone()), options))
+    });
+    y.permute([0, 2, 3, 1]).flatten(1, 3)
+}
+
+/// Convolutional features of stacked pictures, as [`conv3_features`](super::conv3_features) defines them.
+pub fn conv3_features(pixels: Tensor<4, Int>, layers: &[Conv3Layer]) -> Tensor<2> {
+    let x = pixels.float().permute([0, 3, 1, 2]) / 255.0;
+    let y = layers.iter().enumerate().fold(x, |x, (index, layer)| {
+        let stride = if index == 0 { 2 } else { 1 };
+        let options = ConvOptions::new([stride, stride], [0, 0], [1, 1], 1);
         activation::relu(conv2d(x, layer.weight.clone(), Some(layer.bias.clone()), options))
     });
     y.permute([0, 2, 3, 1]).flatten(1, 3)

@@ -1,0 +1,20 @@
+//! The networks of the agents that learn from pixels without a world model: soft actor-critic, QT-Opt, and what stands on them (RAD, DrQ, CURL and others). In:
+//! stacks of pictures. Out: values of actions, actions, features.
+//!
+//! Sizes are those that this family of systems shares (`MishaLaskin/rad`, denisyarats/drq): four 3×3 convolutions of 32 filters, a linear layer to 50 features with
+//! layer norm and tanh, perceptrons with two hidden layers. The convolutions are tied: the actor looks through those of the critic and never moves them.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`config`] | sizes |
+//! | [`features`] | convolutions, and the trunk on top of them |
+//! | [`critic`] | two critics on one trunk |
+//! | [`stack`], [`cut`] | the last pictures side by side, and views of them |
+
+pub mod config;
+pub mod critic;
+pub mod cut;
+pub mod features;
+pub mod stack;
+
+pub use config::SacConfig;

@@ -1,0 +1,222 @@
+//! What a model-free agent can be asked for, and the systems of the paper's table by name. In: a system's name, a size. Out: options.
+//!
+//! Facts of each system are from its own repository: `MishaLaskin/rad` and curl, denisyarats/drq, tensorflow/agents (QT-Opt), facebookresearch/deep_bisim4control,
+//! google-research's `MICo`, bit1029public/SimSR.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use super::augment::Augment;
+use crate::error::{Result, TrainError};
+
+/// What stands beside the critics' loss.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Auxiliary {
+    /// Nothing.
+    None,
+    /// Two views of the same stack are told from other stacks.
+    Curl,
+    /// Next features and reward are predicted.
+    #[serde(rename = "deepmdp")]
+    DeepMdp,
+    /// Features differ as much as rewards and predicted next features do.
+    Dbc,
+    /// The `MICo` distance.
+    #[serde(rename = "mico")]
+    Mico,
+    /// The cosine distance, with sampled next features.
+    #[serde(rename = "simsr")]
+    SimSr,
+}
+
+impl Auxiliary {
+    /// Every one.
+    pub const ALL: [Self; 6] = [Self::None, Self::Curl, Self::DeepMdp, Self::Dbc, Self::Mico, Self::SimSr];
+
+    /// Its name on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Curl => "curl",
+            Self::DeepMdp => "deepmdp",
+            Self::Dbc => "dbc",
+            Self::Mico => "mico",
+            Self::SimSr => "simsr",
+        }
+    }
+
+    /// Whether it needs a model of the next features and the reward.
+    pub fn has_transition(self) -> bool {
+        matches!(self, Self::DeepMdp | Self::Dbc | Self::SimSr)
+    }
+}
+
+impl fmt::Display for Auxiliary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Auxiliary {
+    type Err = TrainError;
+
+    fn from_str(text: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|auxiliary| auxiliary.name() == text).ok_or_else(|| {
+            let names = Self::ALL.map(Self::name).join(", ");
+            TrainError::Options(format!("no auxiliary loss `{text}`; there are {names}"))
+        })
+    }
+}
+
+/// The resolved options of a model-free agent.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SacOptions {
+    /// Whether there is an actor (SAC); without one the best action is searched for (QT-Opt).
+    pub actor: bool,
+    /// How stacks are varied.
+    pub augment: Augment,
+    /// Views of the next stack that targets are averaged over (K).
+    pub next_views: usize,
+    /// Views of the stack that the critics' loss is added up over (M).
+    pub views: usize,
+    /// What stands beside the critics' loss.
+    pub auxiliary: Auxiliary,
+    /// Its weight.
+    pub auxiliary_weight: f64,
+    /// Transitions a batch.
+    pub batch: usize,
+    /// Pictures in a stack.
+    pub stack: usize,
+    /// Width of the perceptrons.
+    pub hidden: usize,
+    /// Width of the features.
+    pub feature: usize,
+    /// Whether tanh follows the features' layer norm.
+    pub squash: bool,
+    /// Adam's step size for critics, actor and what stands beside them.
+    pub lr: f64,
+    /// Adam's step size for the temperature.
+    pub temperature_lr: f64,
+    /// Discount of an agent step.
+    pub discount: f64,
+    /// Share of the way that the slow critics go.
+    pub critic_rate: f64,
+    /// The same for their convolutions and trunk.
+    pub encoder_rate: f64,
+    /// Updates from one step of the actor, the temperature and the slow copy to the next.
+    pub actor_every: u64,
+    /// Actions drawn in every iteration of the search, where there is no actor.
+    pub samples: usize,
+    /// Best of them that the next iteration is drawn around.
+    pub elites: usize,
+    /// Iterations of the search.
+    pub iterations: usize,
+    /// Share of random actions while collecting, where there is no actor.
+    pub random_share: f64,
+}
+
+/// How large a machine a system is meant for; results are labelled by it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Size {
+    /// As published: 84 pixels, batches of 512, perceptrons of 1024, all views.
+    Paper,
+    /// For a few cores: 64 pixels, batches of 128, perceptrons of 256, one view.
+    Small,
+}
+
+/// A system's options by its name.
+pub const SYSTEMS: [(&str, fn() -> SacOptions); 8] = [
+    ("sac-rad", sac_rad),
+    ("sac-drq", sac_drq),
+    ("qt-opt-rad", qt_opt_rad),
+    ("qt-opt-drq", qt_opt_drq),
+    ("curl", curl),
+    ("deepmdp", deepmdp),
+    ("dbc", dbc),
+    ("mico", mico),
+];
+
+impl SacOptions {
+    /// The options of a system at a size.
+    ///
+    /// # Errors
+    /// An unknown name; the message lists what there is.
+    pub fn system(name: &str, size: Size) -> Result<Self> {
+        let made = SYSTEMS.iter().find(|(system, _)| *system == name).ok_or_else(|| {
+            let names = SYSTEMS.map(|(name, _)| name).join(", ");
+            TrainError::Options(format!("no system `{name}`; there are {names}"))
+        })?;
+        let options = (made.1)();
+        Ok(match size {
+            Size::Paper => options,
+            Size::Small => Self { batch: 128, hidden: 256, views: 1, next_views: 1, ..options },
+        })
+    }
+}
+
+/// What all systems share, with one random crop.
+fn sac_rad() -> SacOptions {
+    SacOptions {
+        actor: true,
+        augment: Augment::Crop,
+        next_views: 1,
+        views: 1,
+        auxiliary: Auxiliary::None,
+        auxiliary_weight: 1.0,
+        batch: 512,
+        stack: 3,
+        hidden: 1024,
+        feature: 50,
+        squash: true,
+        lr: 1e-3,
+        temperature_lr: 1e-4,
+        discount: 0.99,
+        critic_rate: 0.01,
+        encoder_rate: 0.05,
+        actor_every: 2,
+        samples: 32,
+        elites: 4,
+        iterations: 3,
+        random_share: 0.1,
+    }
+}
+
+fn sac_drq() -> SacOptions {
+    SacOptions { augment: Augment::Shift, next_views: 2, views: 2, temperature_lr: 1e-3, ..sac_rad() }
+}
+
+fn qt_opt_rad() -> SacOptions {
+    SacOptions { actor: false, ..sac_rad() }
+}
+
+fn qt_opt_drq() -> SacOptions {
+    SacOptions { actor: false, ..sac_drq() }
+}
+
+fn curl() -> SacOptions {
+    SacOptions { auxiliary: Auxiliary::Curl, squash: false, ..sac_rad() }
+}
+
+fn deepmdp() -> SacOptions {
+    SacOptions { augment: Augment::None, auxiliary: Auxiliary::DeepMdp, squash: false, ..sac_rad() }
+}
+
+fn dbc() -> SacOptions {
+    SacOptions { auxiliary: Auxiliary::Dbc, ..deepmdp() }
+}
+
+fn mico() -> SacOptions {
+    SacOptions {
+        auxiliary: Auxiliary::Mico,
+        auxiliary_weight: 1e-5,
+        batch: 256,
+        critic_rate: 0.005,
+        encoder_rate: 0.005,
+        ..deepmdp()
+    }
+}

@@ -1,0 +1,64 @@
+"""Oracles in float64 for what losses.json leaves out: multi-step inverse, DeepMDP, Huber critics, the cross-entropy search. Needs numpy.
+
+usage: python make_baselines.py SEED OUT.json
+Gradients are central differences in float64, so that they depend on the values' formulas alone.
+"""
+import json, sys
+import numpy as np
+
+seed, out = int(sys.argv[1]), sys.argv[2]
+random = np.random.RandomState(seed)
+cases = {}
+
+
+def gradient(loss, arguments, name, step=1e-6):
+    """Central differences of `loss` with respect to the argument `name`."""
+    found = np.zeros_like(arguments[name])
+    for index in np.ndindex(found.shape):
+        values = []
+        for sign in (1, -1):
+            moved = {key: np.array(value, dtype=float) for key, value in arguments.items()}
+            moved[name][index] += sign * step
+            values.append(loss(**moved))
+        found[index] = (values[0] - values[1]) / (2 * step)
+    return found
+
+
+def case(name, loss, arguments, wrt):
+    cases[name] = {
+        "in": {key: value.tolist() for key, value in arguments.items()},
+        "out": {"loss": float(loss(**arguments))},
+        "grad": {key: gradient(loss, arguments, key).tolist() for key in wrt},
+    }
+
+
+huber = lambda e: np.where(np.abs(e) < 1, 0.5 * e**2, np.abs(e) - 0.5)
+rows, dims, width = 6, 5, 3
+normal = lambda *shape: random.randn(*shape)
+case("inverse", lambda prediction, action: (0.5 * ((prediction - action) ** 2).sum(-1)).mean(), dict(prediction=normal(rows, width), action=normal(rows, width)), ["prediction"])
+case(
+    "transition",
+    lambda mean, std, next, prediction, reward: (0.5 * ((next - mean) / std) ** 2 + np.log(std)).mean() + ((prediction - reward) ** 2).mean(),
+    dict(mean=normal(rows, dims), std=np.abs(normal(rows, dims)) + 0.3, next=normal(rows, dims), prediction=normal(rows), reward=normal(rows)),
+    ["mean", "std", "prediction"],
+)
+case("huber_critic", lambda q1, q2, y: huber(q1 - y).mean() + huber(q2 - y).mean(), dict(q1=normal(rows) * 2, q2=normal(rows) * 2, y=normal(rows)), ["q1", "q2"])
+
+# The cross-entropy search on a quadratic value with a known best action, one for every row.
+iterations, samples, elites = 3, 8, 3
+noise, best_action = normal(iterations, rows * samples, width), random.uniform(-1, 1, (rows, width))
+value = lambda a: -((a - np.repeat(best_action, samples, 0)) ** 2).sum(-1)
+mean, std = np.zeros((rows, 1, width)), np.ones((rows, 1, width))
+highest, chosen = np.full(rows, -np.inf), np.zeros((rows, width))
+for draw in noise:
+    actions = np.clip(mean + std * draw.reshape(rows, samples, width), -1, 1)
+    values = value(actions.reshape(-1, width)).reshape(rows, samples)
+    order = np.argsort(-values, 1)[:, :elites]
+    kept = np.take_along_axis(actions, order[..., None], 1)
+    mean, std = kept.mean(1, keepdims=True), kept.std(1, keepdims=True)
+    wins = values.max(1) > highest
+    highest = np.where(wins, values.max(1), highest)
+    chosen[wins] = kept[wins, 0]
+cases["cross_entropy"] = {"in": {"noise": noise.tolist(), "best_action": best_action.tolist(), "samples": samples, "elites": elites}, "out": {"actions": chosen.tolist()}}
+
+json.dump({"format": "vibes-golden-baselines/1", "seed": seed, "made_by": "make_baselines.py (numpy, float64)", "cases": cases}, open(out, "w"))
