@@ -22,7 +22,7 @@ pub mod gaps;
 mod rows;
 
 pub use features::{Features, features};
-pub use gaps::{GapOptions, Gaps, gaps};
+pub use gaps::{GapOptions, Gaps, Judged, Likelihoods, gaps};
 pub use rows::{Acting, Rows};
 
 /// How to evaluate.

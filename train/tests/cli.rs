@@ -163,8 +163,10 @@ fn evaluate_on_a_grid_while_training_and_after() {
     assert!(numbers["probe/coin[0]/s"]["estimate"].is_f64() && numbers["probe_knn/coin[1]/s"]["estimate"].is_f64());
     assert!(!numbers.contains_key("probe/camera roll/s"), "what never changes cannot be read");
     assert_eq!((&found["report"]["quantities"]["coin[0]"], &found["report"]["fitted_on"]), (&"task".into(), &4.into()));
-    let gap = |name: &str| found["gaps"][name].as_f64().unwrap();
-    assert!((gap("dynamics_gap") - (gap("dynamics_of_critic") - gap("dynamics"))).abs() < 1e-9);
+    let of = |path: &str| found["gaps"].pointer(path).and_then(serde_json::Value::as_f64).unwrap();
+    let difference = of("/held_out/dynamics/critic") - of("/held_out/dynamics/refitted");
+    assert!((of("/dynamics_gap") - difference).abs() < 1e-9);
+    assert!(of("/training/reward/gap/low") <= of("/training/reward/gap/high"));
     // A recording that is no grid cannot be evaluated on.
     let output = vibes_train(folder.path(), &["evaluate", "run", "coins"]);
     assert_eq!(output.status.code(), Some(1));

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use anyhow::{Context as _, Result};
 use clap::Args;
 use vibes_data::{Recording, write_atomically};
+use vibes_measure::intervals::Interval;
 use vibes_measure::numbers::Number;
 use vibes_model::Model;
-use vibes_train::evaluate::{EvaluateOptions, GapOptions, Gaps, Report, evaluate, gaps};
+use vibes_train::evaluate::{EvaluateOptions, GapOptions, Gaps, Likelihoods, Report, evaluate, gaps};
 use vibes_train::run::Run;
 
 use super::Context;
@@ -104,12 +105,7 @@ fn is_color(name: &str) -> bool {
 }
 
 fn print_number(name: &str, number: &Number) {
-    let value = number.value;
-    let text = if value.low.is_finite() {
-        format!("{:.3} [{:.3}, {:.3}]", value.estimate, value.low, value.high)
-    } else {
-        format!("{:.3}", value.estimate)
-    };
+    let text = bounded(number.value);
     let actions = number.past_actions.map_or_else(String::new, |actions| format!("{:.3}", actions.estimate));
     let chance = if number.chance.is_finite() { format!("{:.3}", number.chance) } else { String::new() };
     println!("{name:<52} {text:>24} {actions:>13} {chance:>7}");
@@ -117,11 +113,30 @@ fn print_number(name: &str, number: &Number) {
 
 fn print_gaps(gaps: &Gaps) {
     println!(
-        "dynamics gap             {:+.3} nats a row (critic {:.3}, dynamics {:.3})",
-        gaps.dynamics_gap, gaps.dynamics_of_critic, gaps.dynamics
+        "gaps to a bisimulation, nats a row [95% interval]: a fresh critic that sees everything, minus heads refitted on (h, s, a)"
     );
+    println!("{:<10} {:>24} {:>24} {:>10} {:>10} {:>10}", "", "held out", "training", "critic", "refitted", "model");
+    let line = |name: &str, held_out: &Likelihoods, training: &Likelihoods| {
+        let Likelihoods { model, refitted, critic, .. } = held_out;
+        println!(
+            "{name:<10} {:>24} {:>24} {critic:>10.3} {refitted:>10.3} {model:>10.3}",
+            bounded(held_out.gap),
+            bounded(training.gap)
+        );
+    };
+    line("dynamics", &gaps.held_out.dynamics, &gaps.training.dynamics);
+    line("reward", &gaps.held_out.reward, &gaps.training.reward);
     println!(
-        "reward gap               {:+.3} nats a row (critic {:.3}, model {:.3})",
-        gaps.reward_gap, gaps.reward_of_critic, gaps.reward
+        "after half of the critic's updates, held out: dynamics {:+.3}, reward {:+.3}",
+        gaps.half_way.dynamics.gap.estimate, gaps.half_way.reward.gap.estimate
     );
+}
+
+/// A number with its interval, if it has one.
+fn bounded(value: Interval) -> String {
+    if value.low.is_finite() {
+        format!("{:.3} [{:.3}, {:.3}]", value.estimate, value.low, value.high)
+    } else {
+        format!("{:.3}", value.estimate)
+    }
 }

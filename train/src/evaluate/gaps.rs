@@ -1,11 +1,16 @@
-//! How far from a bisimulation: what a fresh critic that sees the whole history can still predict better than the model can from its latents. In: a trained model,
-//! the recordings it was trained on, a held-out recording. Out: two gaps in nats a row, for the next latent and for the reward.
+//! How far from a bisimulation: what a fresh critic that sees the whole history can still predict better than anyone could from the model's own state. In: a trained
+//! model, the recordings it was trained on, a held-out recording. Out: two gaps in nats a row, for the next latent and for the reward, on the training
+//! recordings and on the held-out one.
 //!
-//! The encoder and the model are held fixed. The critic is built like the adversary, with a second head for the reward `r_t` after it has seen
-//! `o_≤t, s_≤t, a_≤t`, and both heads correct the model's own predictions: they begin with no correction, so that the gaps begin at 0 and every nat above it is
-//! something the critic found. It learns on the training recordings and is judged on the held-out one. Both gaps would be 0 at a global optimum of the
-//! objective. They are estimates from below: a critic that is fitted too briefly finds too little, one that does not carry over to new distractors loses some of it
-//! again and can end below 0.
+//! The encoder and the model are held fixed. Two networks learn to correct the model's predictions, side by side on the same batches of the training recordings;
+//! both begin with no correction. The *critic* is built like the adversary and sees `o_≤t, s_≤t, a_≤t`. The *refitted heads* see `(h_t, s_t, a_t)` alone,
+//! what the model itself has: what they gain, the model could have known, so that its heads were merely fitted too briefly. A gap is the critic's
+//! log-likelihood minus the refitted heads'.
+//!
+//! Both gaps would be 0 at a global optimum of the objective. They are estimates: a critic that is fitted too briefly finds too little (`half_way` says what it
+//! had found after half of its updates), and one that does not carry over to new distractors loses some of it again on the held-out recording and can end
+//! below 0, so that the training gap stands beside. Not every nat of a gap is something the latents have lost: the critic sees clean pictures where the model sees
+//! noisy latents, so that even a perfect filter pays for its noise.
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
@@ -13,11 +18,13 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use vibes_data::Recording;
+use vibes_measure::intervals::{Interval, Trajectories};
 use vibes_model::Model;
 use vibes_model::adversary::Adversary;
 use vibes_model::gaussian::{Gaussian, unit_norm};
 use vibes_model::init::normal;
 use vibes_model::mlp::{Mlp, MlpConfig};
+use vibes_model::parameters::to_values;
 
 use crate::batch::Batch;
 use crate::encode::check_fit;
@@ -60,21 +67,41 @@ impl GapOptions {
     }
 }
 
-/// Held-out log-likelihoods, nats a row, and their differences.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+/// The gaps, nats a row.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Gaps {
-    /// The next latent under the model's dynamics.
-    pub dynamics: f64,
-    /// The next latent under the critic.
-    pub dynamics_of_critic: f64,
-    /// Critic minus dynamics.
+    /// Of the next latent, on the held-out recording.
     pub dynamics_gap: f64,
-    /// The reward under the model.
-    pub reward: f64,
-    /// The reward under the critic.
-    pub reward_of_critic: f64,
-    /// Critic minus model.
+    /// Of the reward, on the held-out recording.
     pub reward_gap: f64,
+    /// On the held-out recording.
+    pub held_out: Judged,
+    /// On the training recordings.
+    pub training: Judged,
+    /// On the held-out recording, after half of the updates.
+    pub half_way: Judged,
+}
+
+/// Both quantities on one kind of recording.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Judged {
+    /// The next latent.
+    pub dynamics: Likelihoods,
+    /// The reward.
+    pub reward: Likelihoods,
+}
+
+/// Mean log-likelihoods of one quantity, nats a row.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Likelihoods {
+    /// Under the model.
+    pub model: f64,
+    /// Under the model with heads refitted on `(h, s, a)`.
+    pub refitted: f64,
+    /// Under the critic.
+    pub critic: f64,
+    /// Critic minus refitted heads, with a 95% interval over state (and, on a grid, distractor) trajectories.
+    pub gap: Interval,
 }
 
 /// Corrections of the model's predictions, from the whole history.
@@ -86,7 +113,23 @@ struct Critic {
     reward: Mlp,
 }
 
-/// Fits a critic and measures both gaps.
+/// Corrections of the model's predictions, from its own state and the action.
+#[derive(Module, Debug)]
+struct Refitted {
+    /// Corrects the dynamics.
+    dynamics: Mlp,
+    /// Corrects the reward.
+    reward: Mlp,
+}
+
+/// The two correctors and their optimisers.
+struct Correctors {
+    critic: Critic,
+    refitted: Refitted,
+    optimizers: [Optimizer; 2],
+}
+
+/// Fits a critic and refits the heads, and measures both gaps.
 ///
 /// # Errors
 /// A recording does not fit the model or has no episode as long as a window.
@@ -102,46 +145,120 @@ pub fn gaps(
     }
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let fixed = Model { config: model.config.clone(), world: model.world.valid(), adversary: None };
-    let critic = fit_critic(&fixed, training, options, device, &mut rng)?.valid();
-    let windows = Windows::new(std::slice::from_ref(held_out), options.length, options.batch)?;
-    let mut sums = Gaps::default();
-    for _ in 0..options.batches {
-        let batch = Batch::new(&windows.sample(&mut rng), &fixed.config, options.burn_in, device)?;
-        let scene = Scene::new(&fixed, &batch, device, &mut rng)?;
-        let (dynamics_of_critic, reward_of_critic) = scene.critic_log_likelihoods(&critic, &fixed)?;
-        let (dynamics, reward) = scene.model_log_likelihoods(&fixed);
-        let weight = 1.0 / options.batches as f64;
-        sums.dynamics += weight * scalar(&dynamics);
-        sums.dynamics_of_critic += weight * scalar(&dynamics_of_critic);
-        sums.reward += weight * scalar(&reward);
-        sums.reward_of_critic += weight * scalar(&reward_of_critic);
-    }
-    let (dynamics_gap, reward_gap) = (sums.dynamics_of_critic - sums.dynamics, sums.reward_of_critic - sums.reward);
-    Ok(Gaps { dynamics_gap, reward_gap, ..sums })
+    let mut correctors = Correctors::new(&fixed, device, &mut rng)?;
+    let windows = Windows::new(training, options.length, options.batch)?;
+    let held_out = std::slice::from_ref(held_out);
+    let half = options.updates / 2;
+    correctors.fit(&fixed, &windows, options, half, device, &mut rng)?;
+    // Judged on the same windows and noise each time.
+    let judge = |correctors: &Correctors, recordings: &[Recording]| {
+        correctors.judge(&fixed, recordings, options, device, &mut ChaCha8Rng::seed_from_u64(options.seed ^ 1))
+    };
+    let half_way = judge(&correctors, held_out)?;
+    correctors.fit(&fixed, &windows, options, options.updates - half, device, &mut rng)?;
+    let (held_out, training) = (judge(&correctors, held_out)?, judge(&correctors, training)?);
+    let (dynamics_gap, reward_gap) = (held_out.dynamics.gap.estimate, held_out.reward.gap.estimate);
+    Ok(Gaps { dynamics_gap, reward_gap, held_out, training, half_way })
 }
 
-fn fit_critic(
-    model: &Model,
-    training: &[Recording],
-    options: GapOptions,
-    device: &Device,
-    rng: &mut ChaCha8Rng,
-) -> Result<Critic> {
-    let config = &model.config;
-    let mut adversary = Adversary::init(config, rng, device)?;
-    adversary.head = adversary.head.silenced();
-    let reward = MlpConfig { input: config.hidden, hidden: config.head, output: 2 }.init(rng, device).silenced();
-    let mut critic = Critic { adversary, reward }.train();
-    let windows = Windows::new(training, options.length, options.batch)?;
-    let mut optimizer = Optimizer::new(1e-8);
-    for _ in 0..options.updates {
-        let batch = Batch::new(&windows.sample(rng), config, options.burn_in, device)?;
-        let scene = Scene::new(model, &batch, device, rng)?;
-        let (dynamics, reward) = scene.critic_log_likelihoods(&critic, model)?;
-        let gradients = NamedGradients::take(&critic, &mut (dynamics + reward).neg().backward());
-        critic = optimizer.step(critic, gradients, options.lr, 100.0);
+impl Correctors {
+    fn new(model: &Model, device: &Device, rng: &mut ChaCha8Rng) -> Result<Self> {
+        let config = &model.config;
+        let mut adversary = Adversary::init(config, rng, device)?;
+        adversary.head = adversary.head.silenced();
+        let mut head = |input, output| MlpConfig { input, hidden: config.head, output }.init(rng, device).silenced();
+        let reward = head(config.hidden, 2);
+        let own = config.hidden + config.latent + config.actions();
+        let refitted = Refitted { dynamics: head(own, config.latent + 1), reward: head(own, 2) };
+        let optimizers = [Optimizer::new(1e-8), Optimizer::new(1e-8)];
+        Ok(Self { critic: Critic { adversary, reward }.train(), refitted: refitted.train(), optimizers })
     }
-    Ok(critic)
+
+    /// Makes some updates of both.
+    fn fit(
+        &mut self,
+        model: &Model,
+        windows: &Windows,
+        options: GapOptions,
+        updates: u64,
+        device: &Device,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<()> {
+        let [critic_optimizer, refitted_optimizer] = &mut self.optimizers;
+        for _ in 0..updates {
+            let batch = Batch::new(&windows.sample(rng), &model.config, options.burn_in, device)?;
+            let scene = Scene::new(model, &batch, device, rng)?;
+            let objective = scene.mean(&scene.critic(&self.critic, model)?);
+            let gradients = NamedGradients::take(&self.critic, &mut objective.neg().backward());
+            self.critic = critic_optimizer.step(self.critic.clone(), gradients, options.lr, 100.0);
+            let objective = scene.mean(&scene.refitted(&self.refitted, model));
+            let gradients = NamedGradients::take(&self.refitted, &mut objective.neg().backward());
+            self.refitted = refitted_optimizer.step(self.refitted.clone(), gradients, options.lr, 100.0);
+        }
+        Ok(())
+    }
+
+    /// Mean log-likelihoods over drawn windows of some recordings, each of which gives a share of the batches.
+    fn judge(
+        &self,
+        model: &Model,
+        recordings: &[Recording],
+        options: GapOptions,
+        device: &Device,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Judged> {
+        let (critic, refitted) = (self.critic.valid(), self.refitted.valid());
+        let (mut sums, mut labels) = (Vec::new(), Vec::new());
+        let all: usize = recordings.iter().map(|recording| recording.episodes().len()).sum();
+        for (at, recording) in recordings.iter().enumerate() {
+            let windows = Windows::new(std::slice::from_ref(recording), options.length, options.batch)?;
+            let share = recording.episodes().len() as f64 / all.max(1) as f64;
+            for _ in 0..((options.batches as f64 * share).round() as u64).max(1) {
+                let drawn = windows.sample(rng);
+                let batch = Batch::new(&drawn, &model.config, options.burn_in, device)?;
+                let scene = Scene::new(model, &batch, device, rng)?;
+                let of = [scene.model(model), scene.refitted(&refitted, model), scene.critic(&critic, model)?];
+                sums.extend(scene.by_window(&of));
+                labels.extend(drawn.starts.iter().map(|start| label(at, recording, start.0)));
+            }
+        }
+        let trajectories = Trajectories::new(&labels);
+        let of = |quantity: usize, rng: &mut ChaCha8Rng| likelihoods(&trajectories, &sums, quantity, rng);
+        Ok(Judged { dynamics: of(0, rng), reward: of(1, rng) })
+    }
+}
+
+/// What is drawn again for an interval: the cell of a window's episode, or the episode itself, numbered by recording.
+fn label(recording: usize, of: &Recording, episode: u32) -> ((u8, u32), Option<u32>) {
+    let cell = of.episodes().iter().find(|entry| entry.index == episode).and_then(|entry| entry.cell);
+    let kind = u8::try_from(recording).unwrap_or(u8::MAX);
+    match cell {
+        Some(cell) => ((kind, cell.state), Some(cell.distractor)),
+        None => ((kind, episode), None),
+    }
+}
+
+/// Sums over the counted rows of one window, for the next latent and the reward.
+#[derive(Debug, Clone, Copy)]
+struct WindowSums {
+    /// Under the model, the refitted heads and the critic: `[quantity][predictor]`.
+    log_likelihood: [[f64; 3]; 2],
+    /// Counted rows.
+    rows: [f64; 2],
+}
+
+fn likelihoods(trajectories: &Trajectories, sums: &[WindowSums], quantity: usize, rng: &mut impl Rng) -> Likelihoods {
+    let all = sums.iter().map(|window| window.rows[quantity]).sum::<f64>();
+    let mean = |who: usize| sums.iter().map(|window| window.log_likelihood[quantity][who]).sum::<f64>() / all;
+    let windows: Vec<usize> = (0..sums.len()).collect();
+    let above: Vec<f64> = sums
+        .iter()
+        .map(|window| window.log_likelihood[quantity])
+        .map(|[_, refitted, critic]| critic - refitted)
+        .collect();
+    let rows: Vec<f64> = sums.iter().map(|window| window.rows[quantity]).collect();
+    let gap = trajectories.ratio(&windows, &above, &rows, rng);
+    Likelihoods { model: mean(0), refitted: mean(1), critic: mean(2), gap }
 }
 
 /// A batch with sampled latents.
@@ -164,36 +281,76 @@ impl<'a> Scene<'a> {
         (dynamics, model.world.reward.forward(self.latents.clone(), self.batch.actions.clone()))
     }
 
-    fn model_log_likelihoods(&self, model: &Model) -> (Tensor<1>, Tensor<1>) {
+    fn model(&self, model: &Model) -> Terms {
         let (dynamics, reward) = self.predictions(model);
-        (self.of_next_latents(&dynamics), self.of_rewards(&reward))
+        self.terms(&dynamics, &reward)
     }
 
-    fn critic_log_likelihoods(&self, critic: &Critic, model: &Model) -> Result<(Tensor<1>, Tensor<1>)> {
+    fn critic(&self, critic: &Critic, model: &Model) -> Result<Terms> {
         let features = critic.adversary.observe.forward(self.batch.frames.clone(), self.batch.length)?;
         let states = critic.adversary.states(features, self.latents.clone(), self.batch.actions.clone());
-        let (dynamics, reward) = self.predictions(model);
-        let dynamics =
-            corrected(&dynamics, critic.adversary.head.forward(states.clone()), model.config.prediction_floor);
-        let dynamics = Gaussian { mean: unit_norm(dynamics.mean), ..dynamics };
-        let reward = corrected(&reward, critic.reward.forward(states), model.config.reward_floor);
-        Ok((self.of_next_latents(&dynamics), self.of_rewards(&reward)))
+        Ok(self.corrected(model, critic.adversary.head.forward(states.clone()), critic.reward.forward(states)))
     }
 
-    /// Mean over the rows that count and have a successor in the window.
-    fn of_next_latents(&self, prediction: &Gaussian) -> Tensor<1> {
+    fn refitted(&self, refitted: &Refitted, model: &Model) -> Terms {
+        let own = self.own_state(model);
+        self.corrected(model, refitted.dynamics.forward(own.clone()), refitted.reward.forward(own))
+    }
+
+    /// `(h_t, s_t, a_t)` of every row, h_t before the action is consumed: zeros at the window's first row.
+    fn own_state(&self, model: &Model) -> Tensor<3> {
+        let (_, after) = model.world.dynamics.forward(self.latents.clone(), self.batch.actions.clone(), None);
+        let first = after.clone().narrow(0, 0, 1).zeros_like();
+        let before = Tensor::cat(vec![first, after.narrow(0, 0, self.batch.length - 1)], 0);
+        Tensor::cat(vec![before, self.latents.clone(), self.batch.actions.clone()], 2)
+    }
+
+    /// The model's predictions, corrected.
+    fn corrected(&self, model: &Model, dynamics_by: Tensor<3>, reward_by: Tensor<3>) -> Terms {
+        let (dynamics, reward) = self.predictions(model);
+        let dynamics = corrected(&dynamics, dynamics_by, model.config.prediction_floor);
+        let dynamics = Gaussian { mean: unit_norm(dynamics.mean), ..dynamics };
+        self.terms(&dynamics, &corrected(&reward, reward_by, model.config.reward_floor))
+    }
+
+    /// Log-likelihoods of the rows that count (of the next latent: those that have a successor in the window), 0 in the others.
+    fn terms(&self, dynamics: &Gaussian, reward: &Gaussian) -> Terms {
         let pairs = self.batch.length - 1;
         let before = |x: Tensor<3>| x.narrow(0, 0, pairs);
-        let prediction = Gaussian { mean: before(prediction.mean.clone()), std: before(prediction.std.clone()) };
-        let counted = self.batch.counted.clone().narrow(0, 1, pairs);
-        let log_prob = prediction.log_prob(self.latents.clone().narrow(0, 1, pairs)) * counted.clone();
-        log_prob.sum() / counted.sum()
+        let dynamics = Gaussian { mean: before(dynamics.mean.clone()), std: before(dynamics.std.clone()) };
+        let [counted_pairs, counted] = self.counted();
+        let next = dynamics.log_prob(self.latents.clone().narrow(0, 1, pairs)) * counted_pairs;
+        [next.sum_dim(2), reward.log_prob(self.batch.rewards.clone()) * counted]
     }
 
-    fn of_rewards(&self, prediction: &Gaussian) -> Tensor<1> {
-        (prediction.log_prob(self.batch.rewards.clone()) * self.batch.counted.clone()).sum() / self.batch.count
+    /// 1 where a row counts, for the next latent `[length - 1, batch, 1]` and the reward `[length, batch, 1]`.
+    fn counted(&self) -> [Tensor<3>; 2] {
+        let counted = self.batch.counted.clone();
+        [counted.clone().narrow(0, 1, self.batch.length - 1), counted]
+    }
+
+    /// The sum of both quantities' means over the rows that count.
+    fn mean(&self, terms: &Terms) -> Tensor<1> {
+        let [latent, reward] = terms.clone();
+        let [pairs, rows] = self.counted();
+        latent.sum() / pairs.sum() + reward.sum() / rows.sum()
+    }
+
+    /// Sums over each window.
+    fn by_window(&self, of: &[Terms; 3]) -> Vec<WindowSums> {
+        let sums = |x: &Tensor<3>| to_values(x.clone().sum_dim(0));
+        let values = of.each_ref().map(|terms| terms.each_ref().map(sums));
+        let rows = self.counted().each_ref().map(sums);
+        let window = |at: usize| WindowSums {
+            log_likelihood: [0, 1].map(|quantity| [0, 1, 2].map(|who: usize| f64::from(values[who][quantity][at]))),
+            rows: [0, 1].map(|quantity: usize| f64::from(rows[quantity][at])),
+        };
+        (0..self.batch.batch).map(window).collect()
     }
 }
+
+/// Log-likelihoods of the next latent `[length - 1, batch, 1]` and of the reward `[length, batch, 1]`.
+type Terms = [Tensor<3>; 2];
 
 /// A prediction with its mean moved by the first columns of `correction`, in units of its own standard deviation, and what its standard deviation has above
 /// `floor` scaled by the exponential of the last.
@@ -202,8 +359,4 @@ fn corrected(prediction: &Gaussian, correction: Tensor<3>, floor: f32) -> Gaussi
     let above = (prediction.std.clone() - floor) * correction.clone().narrow(2, dims, 1).exp();
     let mean = prediction.mean.clone() + correction.narrow(2, 0, dims) * prediction.std.clone();
     Gaussian { mean, std: above + floor }
-}
-
-fn scalar(value: &Tensor<1>) -> f64 {
-    f64::from(value.clone().into_scalar::<f32>())
 }
