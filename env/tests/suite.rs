@@ -6,6 +6,7 @@ use std::collections::HashSet;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use vibes_data::{About, Quantity};
 use vibes_env::{
     Environment, EnvironmentOptions, Eyes, KNOWN_SLIDE, Planner, PlannerSettings, Random, Snapshot, StateTrajectory,
     example_tasks, known_reward, rollout, task_help, task_names,
@@ -40,6 +41,64 @@ fn specs_are_sensible_and_observations_fit_them() {
         let trajectory = random_rollout(task, 3, 0);
         assert!(trajectory.observations.iter().all(|observation| observation.len() == len), "{task}: {len} numbers");
     }
+}
+
+/// Values of a task's quantities in the present state, by name.
+fn quantities(environment: &Environment) -> Vec<(String, About, f64)> {
+    let mut observation = Vec::new();
+    environment.observe(&mut observation);
+    let observation: Vec<f32> = observation.iter().map(|&x| x as f32).collect();
+    let (qpos, qvel) = (environment.physics().qpos(), environment.physics().qvel());
+    let value = |quantity: &Quantity| quantity.formula.value(&observation, qpos, qvel);
+    environment.quantities().iter().map(|q| (q.name.clone(), q.about, value(q))).collect()
+}
+
+/// Every task names its numbers, so that what is read from a latent can be understood: each of the task's own moves during an episode, and whoever looks for
+/// `velocity` finds some.
+#[test]
+fn every_task_names_its_quantities() {
+    for task in tasks() {
+        let mut environment = environment(task);
+        environment.reset(&mut ChaCha8Rng::seed_from_u64(2)).unwrap();
+        let first = quantities(&environment);
+        let names: HashSet<&str> = first.iter().map(|(name, ..)| name.as_str()).collect();
+        assert_eq!(names.len(), first.len(), "{task}: two quantities of one name");
+        assert!(names.iter().any(|name| name.contains("velocity")), "{task}: {names:?}");
+        assert!(names.iter().all(|name| !name.contains(['[', '/', '_'])), "{task}: no place for an index: {names:?}");
+        // A push for bodies that nothing may touch for a while.
+        environment.physics_mut().qvel_mut().iter_mut().for_each(|velocity| *velocity += 0.5);
+        for step in 0..8 {
+            let action = (0..environment.action_len()).map(|axis| if (step / 2 + axis) % 2 == 0 { 0.9 } else { -0.6 });
+            environment.step(&action.collect::<Vec<f64>>()).unwrap();
+        }
+        for ((name, about, before), (_, _, after)) in first.iter().zip(quantities(&environment)) {
+            assert!(before.is_finite() && after.is_finite() && *about != About::Distractor, "{task}: {name}");
+            let moves = (before - after).abs() > 1e-9;
+            assert!(moves || name.starts_with("touch"), "{task}: {name} stays at {before}");
+        }
+    }
+}
+
+/// Where a state can be turned without physics and reward noticing, the task's own quantities do not notice either, and those it calls superfluous do.
+#[test]
+fn quantities_of_a_turned_state_are_the_same_but_for_the_superfluous() {
+    let mut turned = 0;
+    for task in tasks() {
+        let mut environment = environment(task);
+        let mut start = environment.reset(&mut ChaCha8Rng::seed_from_u64(3)).unwrap();
+        let before = quantities(&environment);
+        if environment.rotate(&mut start, 0.7).is_err() {
+            assert!(before.iter().all(|(_, about, _)| *about == About::Task), "{task} has no symmetry");
+            continue;
+        }
+        environment.reset_to(&start).unwrap();
+        for ((name, about, before), (_, _, after)) in before.iter().zip(quantities(&environment)) {
+            let same = (before - after).abs() < 1e-6;
+            assert_eq!(same, *about == About::Task, "{task}: {name} was {before} and is {after}");
+        }
+        turned += 1;
+    }
+    assert_eq!(turned, 1, "reacher");
 }
 
 /// What the registry asks of a task's file, so that nothing else has to be told of a new task.

@@ -85,8 +85,8 @@ impl Task for Finger {
         observed([
             "upper finger joint's angle",
             "lower finger joint's angle",
-            "fingertip position from the hinge, horizontal",
-            "fingertip position from the hinge, vertical",
+            "spinner tip from the hinge, horizontal",
+            "spinner tip from the hinge, vertical",
             "upper finger joint's angular velocity",
             "lower finger joint's angular velocity",
             "spinner's angular velocity",
@@ -111,7 +111,7 @@ impl Task for Finger {
         Err(Error::NoFreeStart { task: NAME.to_owned(), attempts: ATTEMPTS })
     }
 
-    /// Finger angles and the tip's place relative to the hinge, the velocities, and the logarithm of the touch forces plus one.
+    /// Finger angles and the place of the spinner's tip relative to its hinge, the velocities, and the logarithm of the touch forces plus one.
     fn observe(&self, physics: &Physics, observation: &mut Vec<f64>) {
         let sensors = physics.data().sensordata();
         observation.extend(self.angles.map(|place| sensors[place]));
