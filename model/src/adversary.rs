@@ -32,7 +32,7 @@ impl Adversary {
         let input = config.hidden + config.latent + config.actions();
         Ok(Self {
             observe: Observe::init(config, rng, device)?,
-            gru: GruConfig { input, hidden: config.hidden }.init(rng, device),
+            gru: GruConfig { input, hidden: config.hidden }.init(rng, device).with_update_bias(config.gru_update_bias),
             head: MlpConfig { input: config.hidden, hidden: config.head, output: config.latent + 1 }.init(rng, device),
             floor: config.prediction_floor,
         })

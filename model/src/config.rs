@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::heads::HeadConfig;
+
 /// What the model looks at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
@@ -55,10 +57,23 @@ pub struct ModelConfig {
     pub prediction_floor: f32,
     /// Least standard deviation of the reward, in units of reward. Open in the paper.
     pub reward_floor: f32,
+    /// One unit of the reward model's output, in units of reward. Open in the paper; 1 in checkpoints that do not say.
+    #[serde(default = "one")]
+    pub reward_scale: f32,
+    /// First value of the update gates' bias, added to the random one: above 0 the hidden states begin with a longer memory. The paper lacks it.
+    #[serde(default)]
+    pub gru_update_bias: f32,
     /// Whether there is an adversary (objective `vibes`).
     pub adversary: bool,
     /// Whether there is a decoder (objective `reconstruction`).
     pub decoder: bool,
+    /// Further heads of the world model, which objectives and auxiliary terms ask for.
+    #[serde(default)]
+    pub heads: Vec<HeadConfig>,
+}
+
+fn one() -> f32 {
+    1.0
 }
 
 impl ModelConfig {

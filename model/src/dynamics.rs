@@ -25,7 +25,9 @@ impl Dynamics {
     /// He-initialised head.
     pub fn init(config: &ModelConfig, rng: &mut impl Rng, device: &Device) -> Self {
         Self {
-            gru: GruConfig { input: config.latent + config.actions(), hidden: config.hidden }.init(rng, device),
+            gru: GruConfig { input: config.latent + config.actions(), hidden: config.hidden }
+                .init(rng, device)
+                .with_update_bias(config.gru_update_bias),
             head: MlpConfig { input: config.hidden, hidden: config.head, output: config.latent + 1 }.init(rng, device),
             floor: config.prediction_floor,
         }

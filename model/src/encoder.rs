@@ -38,7 +38,9 @@ impl Encoder {
     pub fn init(config: &ModelConfig, rng: &mut impl Rng, device: &Device) -> Result<Self, ModelError> {
         Ok(Self {
             observe: Observe::init(config, rng, device)?,
-            gru: GruConfig { input: config.hidden + config.actions(), hidden: config.hidden }.init(rng, device),
+            gru: GruConfig { input: config.hidden + config.actions(), hidden: config.hidden }
+                .init(rng, device)
+                .with_update_bias(config.gru_update_bias),
             mean: LinearConfig { input: config.hidden, output: config.latent }.init(rng, device),
         })
     }

@@ -39,6 +39,14 @@ pub enum ModelError {
         /// Shape of the parameter.
         wanted: Vec<usize>,
     },
+    /// The model has no head of this name.
+    #[error("the model has no head `{name}`; it has {}", known.join(", "))]
+    MissingHead {
+        /// The head asked for.
+        name: String,
+        /// The heads there are.
+        known: Vec<String>,
+    },
     /// The network cannot take such pictures.
     #[error("pictures of {height}×{width} are too small; the network needs at least {least}×{least}", least = crate::cnn::LEAST_SIZE)]
     PictureTooSmall {

@@ -7,7 +7,7 @@
 //! ```
 
 use burn::module::{Module, Param};
-use burn::tensor::{Device, Tensor, module};
+use burn::tensor::{Device, Tensor, TensorData, module};
 use rand::Rng;
 
 use crate::init::recurrent_uniform;
@@ -49,6 +49,20 @@ impl GruConfig {
 }
 
 impl Gru {
+    /// The unit with `bias` added to its update gate's: above 0 it begins by keeping more of its state from step to step.
+    pub fn with_update_bias(mut self, bias: f32) -> Self {
+        if bias == 0.0 {
+            return self;
+        }
+        let width = self.hidden();
+        self.b_hidden = self.b_hidden.map(|values| {
+            let step: Vec<f32> = (0..3 * width).map(|gate| if gate / width == 1 { bias } else { 0.0 }).collect();
+            let device = values.device();
+            values + Tensor::from_data(TensorData::new(step, [3 * width]), &device)
+        });
+        self
+    }
+
     /// Width of the hidden state.
     pub fn hidden(&self) -> usize {
         self.w_hidden.val().dims()[0]

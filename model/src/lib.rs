@@ -5,6 +5,7 @@
 //! | [`config`] | sizes and constants of a model |
 //! | [`model`] | encoder, dynamics, reward and decoder in one module, the adversary beside it |
 //! | [`encoder`], [`dynamics`], [`reward`], [`adversary`], [`decoder`] | one network each |
+//! | [`heads`] | further predictions, by name |
 //! | [`observe`], [`cnn`], [`mlp`], [`gru`], [`linear`] | the layers they are made of |
 //! | [`kernels`] | the operations that decide how long an update takes |
 //! | [`gaussian`] | the distributions they predict |
@@ -27,6 +28,7 @@ pub mod encoder;
 pub mod error;
 pub mod gaussian;
 pub mod gru;
+pub mod heads;
 pub mod init;
 pub mod kernels;
 pub mod linear;
@@ -41,4 +43,5 @@ pub mod slow;
 
 pub use config::{ModelConfig, ObservationKind};
 pub use error::ModelError;
+pub use heads::HeadConfig;
 pub use model::{Model, World};

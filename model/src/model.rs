@@ -11,6 +11,8 @@ use crate::decoder::Decoder;
 use crate::dynamics::Dynamics;
 use crate::encoder::Encoder;
 use crate::error::ModelError;
+use crate::heads::{Head, HeadConfig};
+use crate::mlp::Mlp;
 use crate::observe::Frames;
 use crate::parameters::read_parameters;
 use crate::reward::Reward;
@@ -26,6 +28,22 @@ pub struct World {
     pub reward: Reward,
     /// Latent to observation, for the reconstruction ablation only.
     pub decoder: Option<Decoder>,
+    /// Whatever else an objective or an auxiliary term predicts.
+    pub heads: Vec<Head>,
+}
+
+impl World {
+    /// The head `name`.
+    ///
+    /// # Errors
+    /// The model was configured without it.
+    pub fn head(&self, name: &str) -> Result<&Mlp, ModelError> {
+        let found = self.heads.iter().find(|head| head.name() == name).map(|head| &head.mlp);
+        found.ok_or_else(|| ModelError::MissingHead {
+            name: name.to_owned(),
+            known: self.heads.iter().map(|head| head.name().to_owned()).collect(),
+        })
+    }
 }
 
 /// A model: its sizes, its world model and its adversary (ψ).
@@ -50,7 +68,9 @@ impl Model {
         let reward = Reward::init(&config, rng, device);
         let decoder = config.decoder.then(|| Decoder::init(&config, rng, device)).transpose()?;
         let adversary = config.adversary.then(|| Adversary::init(&config, rng, device)).transpose()?;
-        Ok(Self { config, world: World { encoder, dynamics, reward, decoder }, adversary })
+        let head = |head: &HeadConfig, rng: &mut _| head.init(config.head, rng, device);
+        let heads = config.heads.iter().map(|config| head(config, rng)).collect();
+        Ok(Self { world: World { encoder, dynamics, reward, decoder, heads }, adversary, config })
     }
 
     /// The model with the first scale of its features and latents set by data: what the encoder and the adversary make of a window has mean 0 and

@@ -15,13 +15,15 @@ pub struct Reward {
     pub head: Mlp,
     #[module(skip)]
     floor: f32,
+    #[module(skip)]
+    scale: f32,
 }
 
 impl Reward {
     /// He-initialised head.
     pub fn init(config: &ModelConfig, rng: &mut impl Rng, device: &Device) -> Self {
         let head = MlpConfig { input: config.latent + config.actions(), hidden: config.head, output: 2 };
-        Self { head: head.init(rng, device), floor: config.reward_floor }
+        Self { head: head.init(rng, device), floor: config.reward_floor, scale: config.reward_scale }
     }
 
     /// The model that predicts the mean and standard deviation of these rewards whatever it sees, and learns from there. Otherwise the first thing
@@ -31,27 +33,28 @@ impl Reward {
         let mean = rewards.iter().sum::<f32>() / count;
         let std = (rewards.iter().map(|reward| (reward - mean).powi(2)).sum::<f32>() / count).sqrt();
         // The inverse of softplus, where the floor leaves anything to invert.
-        let above = (std - self.floor).max(1e-3);
+        let above = ((std - self.floor) / self.scale).max(1e-3);
         self.head = self.head.silenced();
         let bias = self.head.last.bias.clone();
-        self.head.last.bias = bias.map(|bias| Tensor::from_data([mean, above.exp_m1().ln()], &bias.device()));
+        self.head.last.bias =
+            bias.map(|bias| Tensor::from_data([mean / self.scale, above.exp_m1().ln()], &bias.device()));
         self
     }
 
     /// # Shapes
     /// - `latents`: `[length, batch, latent]`, `actions`: `[length, batch, A]`
-    /// - output: mean and standard deviation, both `[length, batch, 1]`
+    /// - output: mean and standard deviation, both `[length, batch, 1]`, in units of reward
     pub fn forward(&self, latents: Tensor<3>, actions: Tensor<3>) -> Gaussian {
         let output = self.head.forward(Tensor::cat(vec![latents, actions], 2));
-        gaussian(output, self.floor)
+        self.gaussian(output)
     }
-}
 
-/// A network's two outputs as mean and standard deviation above `floor`.
-///
-/// # Shapes
-/// - `output`: `[length, batch, 2]`
-fn gaussian(output: Tensor<3>, floor: f32) -> Gaussian {
-    let std = softplus(output.clone().narrow(2, 1, 1), 1.0) + floor;
-    Gaussian { mean: output.narrow(2, 0, 1), std }
+    /// A network's two outputs as mean and standard deviation, with this model's unit and floor.
+    ///
+    /// # Shapes
+    /// - `output`: `[length, batch, 2]`
+    pub fn gaussian(&self, output: Tensor<3>) -> Gaussian {
+        let std = softplus(output.clone().narrow(2, 1, 1), 1.0) * self.scale + self.floor;
+        Gaussian { mean: output.narrow(2, 0, 1) * self.scale, std }
+    }
 }

@@ -12,7 +12,6 @@ use vibes_model::{Model, ObservationKind};
 
 use crate::batch::Batch;
 use crate::error::Result;
-use crate::learners::objective::Objective;
 use crate::learners::world::{Learner, Phases};
 use crate::options::Options;
 use crate::windows::Windows;
@@ -63,7 +62,7 @@ pub struct Part {
 pub fn bench(options: &Options, sizes: Sizes, recording: Option<&Recording>, device: &Device) -> Result<Report> {
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let observation = ObservationKind::Pixels { height: sizes.picture, width: sizes.picture };
-    let config = options.model(&made_up_spec(sizes), observation);
+    let config = options.model(&made_up_spec(sizes), observation, 1.0);
     let mut learner = Learner::new(Model::init(config, &mut rng, device)?, options, device);
     let windows = made_up_windows(options, sizes, &mut rng);
     let autodiff = device.clone().autodiff();
@@ -97,9 +96,9 @@ pub fn bench(options: &Options, sizes: Sizes, recording: Option<&Recording>, dev
 fn phase_parts(phases: &[Phases]) -> Vec<Part> {
     let part = |name, of: fn(&Phases) -> f64| Part { name, ms: median(&phases.iter().map(of).collect::<Vec<_>>()) };
     vec![
-        part("encoder, forward", |phases| phases.encode),
-        part("adversary, whole step", |phases| phases.adversary),
-        part("dynamics, reward, objective", |phases| phases.predict),
+        part("encoder, dynamics, reward", |phases| phases.predict),
+        part("objective and adversary's step", |phases| phases.objective),
+        part("auxiliary terms", |phases| phases.auxiliary),
         part("backward", |phases| phases.backward),
         part("norms and Adam", |phases| phases.step),
     ]
@@ -168,11 +167,8 @@ fn convolution_gflop(options: &Options, sizes: Sizes) -> f64 {
         decode += pass * 3.0;
         input = output;
     }
-    let window = match options.objective {
-        Objective::Vibes => encode * (2 * options.length - 1) as f64,
-        Objective::NoAdversary => encode * options.length as f64,
-        Objective::Reconstruction => (encode + decode) * options.length as f64,
-    };
+    let pictures = options.objective.pictures(options.length);
+    let window = encode * pictures.encoded as f64 + decode * pictures.decoded as f64;
     window * options.batch as f64 / 1e9
 }
 

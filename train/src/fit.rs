@@ -13,7 +13,6 @@ use vibes_model::Model;
 use crate::batch::Batch;
 use crate::error::{Result, TrainError};
 use crate::evaluate::{EvaluateOptions, GapOptions, Gaps, Report, evaluate, gaps};
-use crate::hearing::{Hearing, own_log_likelihood};
 use crate::learners::world::Learner;
 use crate::metrics::{Averages, MetricsFile, Row};
 use crate::options::Options;
@@ -109,19 +108,9 @@ pub fn fit(
 ) -> Result<End> {
     let options = &run.info().options;
     let windows = Windows::new(recordings, options.length, options.batch)?;
-    let first_windows = calibration(recordings, options)?;
     let (learner, state) = match run.resume(device)? {
         Some(resumed) => resumed,
-        None => (
-            first_learner(run, &first_windows, device)?,
-            State {
-                update: 0,
-                optimizer_steps: 0,
-                adversary_optimizer_steps: 0,
-                seconds: 0.0,
-                hearing: Hearing::default(),
-            },
-        ),
+        None => begin(run, recordings, device)?,
     };
     if state.update >= options.updates || out_of_time(options, state.seconds) {
         return Ok(End::Nothing);
@@ -130,7 +119,6 @@ pub fn fit(
     let metrics = MetricsFile::open(&run.metrics_path(), state.update)?;
     let evaluations = held_out.map(|_| MetricsFile::open(&run.evaluations_path(), state.update)).transpose()?;
     let events = EventFile::begin(run.path(), state.update)?;
-    let reward_baseline = own_log_likelihood(&first_windows.rewards, options.reward_floor);
     std::thread::scope(|scope| {
         let batches = Prefetch::start(scope, &windows, options.seed, state.update..options.updates);
         let mut training = Training {
@@ -140,7 +128,6 @@ pub fn fit(
             batches,
             metrics,
             events,
-            reward_baseline,
             recordings,
             held_out,
             evaluations,
@@ -158,7 +145,6 @@ struct Training<'a> {
     batches: Prefetch,
     metrics: MetricsFile,
     events: EventFile,
-    reward_baseline: f64,
     recordings: &'a [Recording],
     held_out: Option<&'a HeldOut>,
     evaluations: Option<MetricsFile>,
@@ -203,8 +189,9 @@ impl Training<'_> {
         let device = self.device.clone().autodiff();
         let batch = Batch::new(&windows, &learner.model.config, self.options.burn_in, &device)?;
         let mut noise = update_rng(self.options.seed, number, Purpose::Noise);
-        self.state.hearing = self.state.hearing.before(number, self.options);
-        let schedule = self.options.schedule(number, self.state.hearing.since);
+        let scheduled = self.state.carried + number;
+        self.state.gate = self.state.gate.before(scheduled, self.options.objective.gate(self.options));
+        let schedule = self.options.schedule(scheduled, self.state.gate.opened);
         let made = learner.update(&batch, schedule, self.options, &mut noise);
         let (learner, measures) = made.map_err(|error| match error {
             TrainError::NotFinite { what, value } => {
@@ -212,7 +199,7 @@ impl Training<'_> {
             }
             other => other,
         })?;
-        self.state.hearing = self.state.hearing.after(f64::from(measures.reward), self.reward_baseline);
+        self.state.gate = self.state.gate.after(f64::from(measures.reward), measures.reward_baseline.map(f64::from));
         self.averages.add(measures, (windows.length * windows.batch) as u64, begun.elapsed(), waited);
         self.state.update += 1;
         self.state.seconds += begun.elapsed().as_secs_f64();
@@ -264,22 +251,23 @@ impl Training<'_> {
     }
 }
 
-fn first_learner(run: &Run, windows: &WindowBatch, device: &Device) -> Result<Learner> {
+/// The learner and state of a run before its first update: new ones, or those of the run it goes on from.
+fn begin(run: &Run, recordings: &[Recording], device: &Device) -> Result<(Learner, State)> {
     let options = &run.info().options;
     if let Some(from) = &run.info().from {
-        let model = Model::load(&Run::open(from)?.newest_model()?, device)?;
-        return Ok(Learner::new(model, options, device));
+        return Run::open(from)?.carry_over(options, device);
     }
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut model = Model::init(run.info().model.clone(), &mut rng, device)?;
     if options.calibrate {
-        let batch = Batch::new(windows, &model.config, options.burn_in, device)?;
+        let windows = calibration(recordings, options)?;
+        let batch = Batch::new(&windows, &model.config, options.burn_in, device)?;
         model = model.calibrated(batch.frames, batch.previous_actions, &windows.rewards)?;
     }
-    Ok(Learner::new(model, options, device))
+    Ok((Learner::new(model, options, device), State::default()))
 }
 
-/// The windows that set the first scales, and what is known about the rewards before anything is learned.
+/// The windows that set the first scales.
 fn calibration(recordings: &[Recording], options: &Options) -> Result<WindowBatch> {
     let windows = Windows::new(recordings, options.length, CALIBRATION_WINDOWS)?;
     Ok(windows.sample(&mut update_rng(options.seed, 0, Purpose::Calibration)))

@@ -4,8 +4,8 @@
 //! |---|---|
 //! | [`options`] | everything a run can be asked for, presets |
 //! | [`windows`], [`batch`] | windows gathered ahead of time, and as tensors |
-//! | [`learners`] | what is maximised (`vibes`, `no-adversary`, `reconstruction`), one update of Algorithm 1, Adam |
-//! | [`hearing`] | when the encoder begins to hear the dynamics term |
+//! | [`learners`] | objectives and auxiliary terms, one file each; one update of Algorithm 1; Adam |
+//! | [`gate`] | when the dynamics term begins to reach the encoder |
 //! | [`prepare`], [`fit`] | the run folder begun or found; the one loop |
 //! | [`run`], [`metrics`], [`vibes_measure::spectrum`] | the run folder, its numbers over time |
 //! | [`mod@summary`], [`tensorboard`] | those numbers on one page, and for TensorBoard |
@@ -19,7 +19,7 @@ pub mod encode;
 pub mod error;
 pub mod evaluate;
 pub mod fit;
-pub mod hearing;
+pub mod gate;
 pub mod learners;
 pub mod metrics;
 pub mod options;

@@ -1,6 +1,7 @@
 //! The numbers of a training run over time: averages over some updates, one JSON object a line in `metrics.jsonl`. In: the measures of every update. Out: a
 //! row, and the file it is appended to.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -21,30 +22,15 @@ pub struct Row {
     pub objective: f64,
     /// Latents under the dynamics.
     pub dynamics_log_likelihood: f64,
-    /// Latents under the adversary.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub adversary_log_likelihood: Option<f64>,
-    /// Adversary minus dynamics: what the latent lacks to predict its successor as well as the whole history does.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub gap: Option<f64>,
-    /// Share of (step, dimension) pairs whose log-ratio was cut to zero.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub clipped_share: Option<f64>,
     /// Rewards.
     pub reward_log_likelihood: f64,
-    /// Observations, up to a constant.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub reconstruction_log_likelihood: Option<f64>,
-    /// How much of the dynamics term's gradient the encoder heard.
+    /// Share of the dynamics term's gradient that reached the encoder.
     #[serde(default)]
     pub dynamics_weight: f64,
     /// Norm of the world model's gradient before it was limited.
     pub gradient_norm: f64,
     /// The encoder's part of it.
     pub encoder_gradient_norm: f64,
-    /// Norm of the adversary's gradient before it was limited.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub adversary_gradient_norm: Option<f64>,
     /// Effective rank of the latents' means in the last of these updates: exp of the entropy of their covariance's eigenvalues, 1 when they vary along
     /// one line only.
     pub effective_rank: f64,
@@ -56,6 +42,17 @@ pub struct Row {
     pub frames_per_second: f64,
     /// Share of the time spent waiting for windows.
     pub waiting_share: f64,
+    /// What the objective and the auxiliary terms state, by name: `adversary_log_likelihood` after the adversary's step and
+    /// `adversary_log_likelihood_before` it, `gap` (adversary minus dynamics), `clipped_share`, `reconstruction_log_likelihood`, `inverse_log_likelihood`, …
+    #[serde(flatten)]
+    pub stated: BTreeMap<String, f64>,
+}
+
+impl Row {
+    /// What the objective or an auxiliary term stated, if it did.
+    pub fn stated(&self, name: &str) -> Option<f64> {
+        self.stated.get(name).copied()
+    }
 }
 
 /// Gathers the measures of some updates.
@@ -87,11 +84,8 @@ impl Averages {
         let count = measures.len().max(1) as f64;
         let mean =
             |of: &dyn Fn(&Measures) -> f32| measures.iter().map(|measure| f64::from(of(measure))).sum::<f64>() / count;
-        let mean_some = |of: &dyn Fn(&Measures) -> Option<f32>| {
-            let values: Option<Vec<f32>> = measures.iter().map(of).collect();
-            values.map(|values| values.into_iter().map(f64::from).sum::<f64>() / count)
-        };
-        let (dynamics, adversary) = (mean(&|m| m.dynamics), mean_some(&|m| m.adversary));
+        let names = measures.first().map(|first| first.stated.keys().copied()).into_iter().flatten();
+        let stated = |name: &'static str| (name.to_owned(), mean(&|m| m.stated.get(name).copied().unwrap_or(f32::NAN)));
         let means = measures.last().map_or(&[][..], |last| &last.latent_means);
         let (effective_rank, latent_variance) =
             spectrum(means, latent).map_or((f64::NAN, f64::NAN), |found| (found.effective_rank, found.variance));
@@ -99,21 +93,17 @@ impl Averages {
         Row {
             update,
             objective: mean(&|m| m.objective),
-            dynamics_log_likelihood: dynamics,
-            adversary_log_likelihood: adversary,
-            gap: adversary.map(|adversary| adversary - dynamics),
-            clipped_share: mean_some(&|m| m.clipped),
+            dynamics_log_likelihood: mean(&|m| m.dynamics),
             reward_log_likelihood: mean(&|m| m.reward),
-            reconstruction_log_likelihood: mean_some(&|m| m.reconstruction),
             dynamics_weight: mean(&|m| m.dynamics_weight),
             gradient_norm: mean(&|m| m.gradient_norm),
             encoder_gradient_norm: mean(&|m| m.encoder_gradient_norm),
-            adversary_gradient_norm: mean_some(&|m| m.adversary_gradient_norm),
             effective_rank,
             latent_variance,
             updates_per_second: count / seconds,
             frames_per_second: frames as f64 / seconds,
             waiting_share: waited.as_secs_f64() / seconds,
+            stated: names.map(stated).collect(),
         }
     }
 }

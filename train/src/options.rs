@@ -8,10 +8,13 @@ use toml::Table;
 use vibes_model::{ModelConfig, ObservationKind};
 
 use crate::error::{Result, TrainError, io, malformed};
+use crate::learners::auxiliary::{asked, steps_ahead};
 use crate::learners::objective::Objective;
 
+pub mod own;
 pub mod presets;
 
+use own::Own;
 use presets::PRESETS;
 
 /// What the model looks at.
@@ -28,7 +31,6 @@ pub enum Observations {
 
 /// The resolved options of a run. The paper leaves all of these open but `latent_std`; every choice is explained at its field.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Options {
     /// Which objective.
     pub objective: Objective,
@@ -58,20 +60,21 @@ pub struct Options {
     pub adam_epsilon: f64,
     /// Largest global norm of the world model's, and of the adversary's, gradient.
     pub gradient_clip: f64,
-    /// Weight with which the encoder hears the dynamics term; the dynamics model itself always hears it whole. At 1 from the start, as the objective is
-    /// written, the latent soon ignores the picture and stays so.
+    /// Share of the dynamics term's gradient that reaches the encoder; the dynamics model itself always learns from all of it. At 1 from the start, as the
+    /// objective is written, the latent soon ignores the picture and stays so.
     pub dynamics_weight: f64,
-    /// Updates before which the encoder does not hear the dynamics term: it learns from the reward alone.
+    /// Updates before which nothing of it does, for an objective that waits ([`Definition::gate`](crate::learners::objective::Definition::gate)): the encoder
+    /// learns from the reward alone.
     pub dynamics_start: u64,
-    /// How many nats better than the rewards' own distribution the reward model must be before the encoder hears the dynamics term (see
-    /// [`hearing`](crate::hearing)); 0 for no such condition.
+    /// How many nats better than past actions alone predict the rewards the reward model must be before anything does (see [`gate`](crate::gate)); 0 for no
+    /// such condition.
     pub dynamics_after: f64,
     /// Updates after that over which the weight rises from zero to its value.
     pub dynamics_warmup: u64,
     /// Weight of the reward term.
     pub reward_weight: f64,
     /// Whether the first scale of features and latents is set by the data (see `Model::calibrated`), so that training begins with latents that differ. With
-    /// ordinary first weights all latents begin within the noise of one another, where the reward model hears nothing and ignoring the picture is an
+    /// ordinary first weights all latents begin within the noise of one another, where the reward model learns nothing and ignoring the picture is an
     /// optimum.
     pub calibrate: bool,
     /// Channels after the first convolution.
@@ -86,8 +89,16 @@ pub struct Options {
     pub latent_std: f64,
     /// Least standard deviation of a prediction of a latent. A latent carries noise of `latent_std`, so nothing can be surer than that.
     pub prediction_floor: f64,
-    /// Least standard deviation of the predicted reward, in units of reward.
+    /// Least standard deviation of the predicted reward, in units of [`reward_scale`](Self::reward_scale). One miss costs up to half its square over this: a
+    /// floor far below what the rewards vary by lets a few rows outweigh all others.
     pub reward_floor: f64,
+    /// One unit of the reward model, in units of reward; 0 for the standard deviation of the recordings' rewards. Rewards are summed over the
+    /// action repeat, so their size differs between tasks. The paper lacks it: 1.
+    #[serde(default = "one")]
+    pub reward_scale: f64,
+    /// Added to the first bias of the recurrent networks' update gates; above 0 they begin with a longer memory. The paper lacks it: 0.
+    #[serde(default)]
+    pub gru_update_bias: f64,
     /// Updates to make in all.
     pub updates: u64,
     /// Minutes to train in all, over every time the run was continued; 0 for no limit.
@@ -98,12 +109,19 @@ pub struct Options {
     pub log_every: u64,
     /// Checkpoints to keep.
     pub keep: usize,
+    /// What objectives and auxiliary terms declare for themselves, by name.
+    #[serde(flatten)]
+    pub own: Own,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 /// The options that change with the updates, at one of them. The paper gives the terms no weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Schedule {
-    /// How much of the dynamics term's gradient the encoder [hears](crate::learners::objective::hear).
+    /// Share of the dynamics term's gradient that [reaches](crate::learners::scene::gated) the encoder.
     pub dynamics_weight: f32,
     /// Weight of the reward's log-likelihood.
     pub reward_weight: f32,
@@ -126,6 +144,7 @@ impl Options {
         let mut table = Table::try_from((preset.1)()).map_err(|error| TrainError::Options(error.to_string()))?;
         for (place, layer) in layers {
             for (key, value) in layer {
+                known(key, &table, place)?;
                 table.insert(key.clone(), widen(value, table.get(key)));
             }
             let checked: std::result::Result<Self, _> = table.clone().try_into();
@@ -133,6 +152,7 @@ impl Options {
         }
         let options: Self =
             table.try_into().map_err(|error: toml::de::Error| TrainError::Options(error.message().to_owned()))?;
+        let options = Self { own: options.own.checked()?, ..options };
         options.check()?;
         Ok(options)
     }
@@ -176,12 +196,24 @@ impl Options {
                 burn_in + 2
             )));
         }
-        Ok(())
+        let ahead = steps_ahead(self);
+        if ahead >= self.length {
+            return Err(TrainError::Options(format!(
+                "a term looks {ahead} steps ahead; with --length {} it can be at most {}",
+                self.length,
+                self.length - 1
+            )));
+        }
+        let negative = [("reward-scale", self.reward_scale), ("gru-update-bias", self.gru_update_bias)];
+        match negative.iter().find(|(_, value)| value.is_nan() || *value < 0.0) {
+            Some((name, value)) => Err(TrainError::Options(format!("--{name} is {value}; it must be 0 or above"))),
+            None => Ok(()),
+        }
     }
 
-    /// What holds at one update, if the encoder began to hear the dynamics term at update `heard_since`.
-    pub fn schedule(&self, update: u64, heard_since: Option<u64>) -> Schedule {
-        let risen = match heard_since.and_then(|since| update.checked_sub(since)) {
+    /// What holds at one update, if the [gate](crate::gate) opened at update `opened`.
+    pub fn schedule(&self, update: u64, opened: Option<u64>) -> Schedule {
+        let risen = match opened.and_then(|since| update.checked_sub(since)) {
             None => 0.0,
             Some(since) if since >= self.dynamics_warmup => 1.0,
             Some(since) => since as f64 / self.dynamics_warmup as f64,
@@ -199,8 +231,12 @@ impl Options {
         }
     }
 
-    /// The model these options ask for, for a task and its observations.
-    pub fn model(&self, spec: &vibes_data::Spec, observation: ObservationKind) -> ModelConfig {
+    /// The model these options ask for, for a task and its observations, and rewards that vary by a standard deviation of `reward_std`.
+    pub fn model(&self, spec: &vibes_data::Spec, observation: ObservationKind, reward_std: f64) -> ModelConfig {
+        let actions = spec.action.min.len();
+        let networks = self.objective.networks(self, actions);
+        let of_terms = asked(self).filter_map(|term| term.head(self, actions));
+        let scale = if self.reward_scale > 0.0 { self.reward_scale } else { reward_std.max(1e-6) };
         ModelConfig {
             task: spec.task.clone(),
             observation,
@@ -212,9 +248,12 @@ impl Options {
             latent: self.latent,
             latent_std: self.latent_std as f32,
             prediction_floor: self.prediction_floor as f32,
-            reward_floor: self.reward_floor as f32,
-            adversary: self.objective == Objective::Vibes,
-            decoder: self.objective == Objective::Reconstruction,
+            reward_floor: (self.reward_floor * scale) as f32,
+            reward_scale: scale as f32,
+            gru_update_bias: self.gru_update_bias as f32,
+            adversary: networks.adversary,
+            decoder: networks.decoder,
+            heads: networks.heads.into_iter().chain(of_terms).collect(),
         }
     }
 
@@ -230,6 +269,15 @@ impl Options {
         };
         mine.iter().find_map(differs)
     }
+}
+
+/// That an option is known.
+fn known(key: &str, table: &Table, place: &str) -> Result<()> {
+    if table.contains_key(key) {
+        return Ok(());
+    }
+    let names = table.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
+    Err(TrainError::Options(format!("no option `{key}`; there are {names}; in {place}")))
 }
 
 /// A whole number where a broken one is expected is meant as one.

@@ -9,7 +9,7 @@ use crate::error::{Result, TrainError};
 use crate::options::{Observations, Options};
 use crate::run::{FORMAT, Run, RunInfo, versions};
 
-/// Opens or begins the run at `path` for these recordings and options; a new one begins with the newest weights of the run `from`, if one is named.
+/// Opens or begins the run at `path` for these recordings and options; a new one goes on from the newest checkpoint of the run `from`, if one is named.
 ///
 /// # Errors
 /// The recordings differ in what they hold, or lack the observations asked for, or the folder holds another run, or `from` another model.
@@ -26,7 +26,11 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
             return Err(TrainError::OtherRecording { found, wanted, path: other.path().to_owned() });
         }
     }
-    let model = options.model(spec, observation);
+    let model = options.model(spec, observation, rewards_std(recordings)?);
+    let model = match known_scale(path, from) {
+        Some(known) => ModelConfig { reward_scale: known.reward_scale, reward_floor: known.reward_floor, ..model },
+        None => model,
+    };
     if let Some(from) = from {
         same_model(from, &model)?;
     }
@@ -41,6 +45,29 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
         versions: versions(),
     };
     Run::create_or_open(path, info)
+}
+
+/// Standard deviation of all rewards of the recordings.
+fn rewards_std(recordings: &[Recording]) -> Result<f64> {
+    let (mut count, mut sum, mut squares) = (0.0_f64, 0.0, 0.0);
+    for recording in recordings {
+        for entry in recording.episodes() {
+            let episode = recording.episode(entry.index)?;
+            for reward in (0..episode.steps()).map(|step| f64::from(episode.reward(step))) {
+                count += 1.0;
+                sum += reward;
+                squares += reward * reward;
+            }
+        }
+    }
+    let mean = sum / count.max(1.0);
+    Ok((squares / count.max(1.0) - mean * mean).max(0.0).sqrt())
+}
+
+/// The model that was made before, whose unit of reward stays although the recordings may have grown.
+fn known_scale(path: &Path, from: Option<&Path>) -> Option<ModelConfig> {
+    let before = Run::open(path).ok().or_else(|| Run::open(from?).ok())?;
+    Some(before.info().model.clone())
 }
 
 /// That the run `from` has weights for this model.

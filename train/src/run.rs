@@ -28,7 +28,7 @@ use vibes_model::checkpoint::{load_tensors, save_tensors};
 use vibes_model::{Model, ModelConfig};
 
 use crate::error::{Result, TrainError, io, malformed};
-use crate::hearing::Hearing;
+use crate::gate::Gate;
 use crate::learners::world::Learner;
 use crate::metrics::read_rows;
 use crate::options::Options;
@@ -45,7 +45,7 @@ pub struct RunInfo {
     pub model: ModelConfig,
     /// The recordings, as they were named.
     pub recordings: Vec<PathBuf>,
-    /// The run whose newest weights this one began with, if it did not begin anew.
+    /// The run whose newest checkpoint this one went on from (weights, optimisers, gate), if it did not begin anew.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub from: Option<PathBuf>,
     /// Episodes and steps in them when the run began.
@@ -68,7 +68,7 @@ impl RunInfo {
 }
 
 /// What `state.json` holds.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// Updates made.
     pub update: u64,
@@ -78,9 +78,12 @@ pub struct State {
     pub adversary_optimizer_steps: u64,
     /// Seconds trained, over every time the run was continued.
     pub seconds: f64,
-    /// Whether the encoder hears the dynamics term yet.
+    /// Updates made by the run that this one went on from, which schedules count on from.
     #[serde(default)]
-    pub hearing: Hearing,
+    pub carried: u64,
+    /// Whether the dynamics term reaches the encoder yet.
+    #[serde(default, alias = "hearing")]
+    pub gate: Gate,
 }
 
 /// A run folder on disk.
@@ -244,15 +247,29 @@ impl Run {
         let Some(newest) = self.checkpoints().last().copied() else { return Ok(None) };
         let folder = self.checkpoint_path(newest);
         let model = Model::load(&folder.join("model.safetensors"), device)?;
-        let file = folder.join("state.json");
-        let text = fs::read_to_string(&file).map_err(io("read", &file))?;
-        let state: State = serde_json::from_str(&text)
-            .map_err(|error| malformed(&file, error, "a state.json as `vibes-train` writes it"))?;
-        let (moments, _) = load_tensors(&folder.join("optimizer.safetensors"))?;
+        let state = read_state(&folder.join("state.json"))?;
         let mut learner = Learner::new(model, &self.info.options, device);
-        learner.optimizer.restore("world", &moments, state.optimizer_steps, device);
-        learner.adversary_optimizer.restore("adversary", &moments, state.adversary_optimizer_steps, device);
+        restore_moments(&mut learner, &folder, state, device)?;
         Ok(Some((learner, state)))
+    }
+
+    /// What another run begins with that goes on from this one's newest checkpoint under `options`: weights, moments of both optimisers, gate, and how far its
+    /// schedules have come. A checkpoint of weights alone counts as one whose gate is open and whose moments are lost.
+    ///
+    /// # Errors
+    /// Nothing was saved yet, or a file is damaged.
+    pub fn carry_over(&self, options: &Options, device: &Device) -> Result<(Learner, State)> {
+        let model = Model::load(&self.newest_model()?, device)?;
+        let newest = self.checkpoints().last().copied().unwrap_or(0);
+        let folder = self.checkpoint_path(newest);
+        let mut learner = Learner::new(model, options, device);
+        if !folder.join("state.json").exists() || !folder.join("optimizer.safetensors").exists() {
+            let gate = Gate { gain: 0.0, opened: Some(0) };
+            return Ok((learner, State { carried: newest, gate, ..State::default() }));
+        }
+        let before = read_state(&folder.join("state.json"))?;
+        restore_moments(&mut learner, &folder, before, device)?;
+        Ok((learner, State { update: 0, seconds: 0.0, carried: before.carried + before.update, ..before }))
     }
 
     fn let_go(&self) -> Result<()> {
@@ -272,6 +289,18 @@ impl Run {
             .map_err(|error| malformed(&file, error, "options that TOML can hold"))?;
         Ok(write_atomically(&file, text.as_bytes())?)
     }
+}
+
+fn read_state(file: &Path) -> Result<State> {
+    let text = fs::read_to_string(file).map_err(io("read", file))?;
+    serde_json::from_str(&text).map_err(|error| malformed(file, error, "a state.json as `vibes-train` writes it"))
+}
+
+fn restore_moments(learner: &mut Learner, folder: &Path, state: State, device: &Device) -> Result<()> {
+    let (moments, _) = load_tensors(&folder.join("optimizer.safetensors"))?;
+    learner.optimizer.restore("world", &moments, state.optimizer_steps, device);
+    learner.adversary_optimizer.restore("adversary", &moments, state.adversary_optimizer_steps, device);
+    Ok(())
 }
 
 /// Versions of what the numbers depend on.

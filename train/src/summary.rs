@@ -5,6 +5,7 @@ use std::fmt::Write;
 
 use serde_json::Value as Json;
 
+use crate::learners::auxiliary::REGISTRY;
 use crate::metrics::Row;
 use crate::run::RunInfo;
 
@@ -28,7 +29,7 @@ pub fn summary(name: &str, info: &RunInfo, rows: &[Row], evaluations: &[Json]) -
 fn about(page: &mut String, info: &RunInfo) {
     let (options, model) = (&info.options, &info.model);
     let recordings: Vec<String> = info.recordings.iter().map(|path| format!("`{}`", path.display())).collect();
-    let from = info.from.as_ref().map_or(String::new(), |from| format!(", from the weights of `{}`", from.display()));
+    let from = info.from.as_ref().map_or(String::new(), |from| format!(", going on from `{}`", from.display()));
     let versions: Vec<String> = info.versions.iter().map(|(name, version)| format!("{name} {version}")).collect();
     let lines = [
         format!("Objective **{}** on {} ({}){from}", options.objective, model.task, model.observation),
@@ -63,11 +64,14 @@ fn progress(page: &mut String, info: &RunInfo, last: &Row) {
         }
     };
     row("log-likelihood of the next latent under the dynamics, nats", Some(last.dynamics_log_likelihood));
-    row("… under the adversary", last.adversary_log_likelihood);
-    row("adversary minus dynamics", last.gap);
-    row("share of clipped terms", last.clipped_share);
+    row("… under the adversary, after its step", last.stated("adversary_log_likelihood"));
+    row("adversary minus dynamics", last.stated("gap"));
+    row("share of clipped terms", last.stated("clipped_share"));
     row("log-likelihood of the reward, nats", Some(last.reward_log_likelihood));
-    row("log-likelihood of the observation, up to a constant", last.reconstruction_log_likelihood);
+    row("log-likelihood of the observation, up to a constant", last.stated("reconstruction_log_likelihood"));
+    for term in REGISTRY {
+        row(&term.metric().replace('_', " "), last.stated(term.metric()));
+    }
     row("effective rank of the latents", Some(last.effective_rank));
     row("variance of the latents (at most 1)", Some(last.latent_variance));
     row("norm of the gradient", Some(last.gradient_norm));

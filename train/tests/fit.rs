@@ -41,7 +41,7 @@ const BLIND: f64 = -1.42;
 fn rewards_are_learned_from_pixels_because_rows_are_in_line() {
     let folder = tempfile::tempdir().unwrap();
     let recording = synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 6, 60, false);
-    for objective in Objective::ALL {
+    for objective in Objective::all() {
         let run = folder.path().join(objective.name());
         let options = options(&format!(
             "objective = '{objective}'\nupdates = 400\nlr = 0.002\ndynamics_weight = 0.01\nobservations = 'pixels'"
@@ -67,7 +67,7 @@ fn rewards_are_learned_from_vectors() {
 fn stopping_and_going_on_gives_the_same_bytes_as_never_stopping() {
     let folder = tempfile::tempdir().unwrap();
     let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 20, false)];
-    for objective in Objective::ALL {
+    for objective in Objective::all() {
         let options = options(&format!(
             "objective = '{objective}'\nupdates = 7\ncheckpoint_every = 5\ndynamics_start = 2\ndynamics_after = -1.0\ndynamics_warmup = 6\nlr_warmup = 9"
         ));
@@ -179,4 +179,60 @@ fn a_run_can_begin_with_the_weights_of_another_of_the_same_model() {
     let wider = options("updates = 1\nlatent = 9");
     let error = prepare(&folder.path().join("third"), &recordings, &wider, Some(&first)).unwrap_err();
     assert!(matches!(error, TrainError::OtherModel { .. }), "{error}");
+}
+
+/// A run that goes on from another's checkpoint goes on with its optimisers, its gate and the weight that had risen until then.
+#[test]
+fn going_on_from_a_run_carries_moments_gate_and_schedules_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false)];
+    let (first, second) = (folder.path().join("first"), folder.path().join("second"));
+    let shared = "dynamics_start = 2\ndynamics_warmup = 10\ndynamics_weight = 1.0\nlr_warmup = 20\nlog_every = 1";
+    train(&first, &recordings, &options(&format!("{shared}\nupdates = 8"))).unwrap();
+    let still = options(&format!("{shared}\nupdates = 1\nseed = 9"));
+    let run = prepare(&second, &recordings, &still, Some(&first)).unwrap();
+    fit(&run, &recordings, &Device::flex(), None, &mut |_| Go::On).unwrap();
+    let weight = |run: &Path, row: usize| read_rows(&run.join("metrics.jsonl")).unwrap()[row].dynamics_weight;
+    assert!((weight(&first, 7) - 0.5).abs() < 1e-6 && (weight(&second, 0) - 0.6).abs() < 1e-6);
+    let moments = |path: &Path| load_tensors(&path.join("optimizer.safetensors")).unwrap().0;
+    let (before, after) = (moments(&first.join("checkpoints/000008")), moments(&second.join("checkpoints/000001")));
+    assert!(before.keys().any(|name| name.starts_with("adversary.second.")));
+    for (name, tensor) in before.iter().filter(|(name, _)| name.contains(".second.")) {
+        // Second moments fall by a thousandth a step and never faster.
+        let pairs = tensor.values.iter().zip(&after[name].values);
+        assert!(pairs.into_iter().all(|(before, after)| *after >= 0.998 * before), "{name}");
+    }
+    let state = fs::read_to_string(second.join("checkpoints/000001/state.json")).unwrap();
+    let state: vibes_train::run::State = serde_json::from_str(&state).unwrap();
+    assert_eq!((state.update, state.carried, state.optimizer_steps, state.gate.opened), (1, 8, 9, Some(2)));
+    // The third in the row counts on.
+    let third = folder.path().join("third");
+    let run = prepare(&third, &recordings, &still, Some(&second)).unwrap();
+    fit(&run, &recordings, &Device::flex(), None, &mut |_| Go::On).unwrap();
+    assert!((weight(&third, 0) - 0.7).abs() < 1e-6);
+    // Weights alone count as trained: the gate is open, and only the moments are lost.
+    for file in ["optimizer.safetensors", "state.json"] {
+        fs::remove_file(first.join("checkpoints/000008").join(file)).unwrap();
+    }
+    let fourth = folder.path().join("fourth");
+    let run = prepare(&fourth, &recordings, &still, Some(&first)).unwrap();
+    fit(&run, &recordings, &Device::flex(), None, &mut |_| Go::On).unwrap();
+    assert!((weight(&fourth, 0) - 0.8).abs() < 1e-6, "eight of ten, counted from the first update");
+}
+
+/// The gate compares with what past actions alone predict, by a head of its own.
+#[test]
+fn rewards_that_actions_alone_tell_do_not_open_the_gate() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 6, 60, false)];
+    let run = folder.path().join("run");
+    let text = "updates = 300\nlr = 0.002\ndynamics_after = 0.25\nobservations = 'pixels'";
+    train(&run, &recordings, &options(text)).unwrap();
+    let rows = read_rows(&run.join("metrics.jsonl")).unwrap();
+    let last = rows.last().unwrap();
+    let baseline = last.stated("reward_of_actions_log_likelihood").unwrap();
+    // The reward is the product of two coins: one of them alone, the action, tells nothing.
+    assert!((baseline - BLIND).abs() < 0.2, "{baseline}");
+    assert!(last.reward_log_likelihood > baseline + 0.25 && last.dynamics_weight > 0.0, "{last:?}");
+    assert_eq!(rows[0].dynamics_weight, 0.0);
 }

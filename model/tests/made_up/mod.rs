@@ -15,7 +15,10 @@ pub(crate) fn config(observation: ObservationKind) -> ModelConfig {
         latent_std: 0.1,
         prediction_floor: 0.1,
         reward_floor: 0.1,
+        reward_scale: 1.0,
+        gru_update_bias: 0.0,
         adversary: true,
         decoder: true,
+        heads: Vec::new(),
     }
 }

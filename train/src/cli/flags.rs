@@ -3,30 +3,34 @@
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
-use clap::Args;
+use clap::builder::PossibleValuesParser;
+use clap::{Arg, ArgMatches, Args, FromArgMatches};
 use serde::Serialize;
-use toml::Table;
+use toml::{Table, Value};
+use vibes_train::learners::objective::Objective;
 use vibes_train::options::Options;
+use vibes_train::options::own::{Kind, declared};
+use vibes_train::options::presets::PRESETS;
 
 /// What to start from, and what lies over it.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct OptionArgs {
-    /// Sizes and rates to start from: tiny, small, base or paper.
-    #[arg(long, default_value = "small")]
+    #[arg(long, default_value = "small", help = presets())]
     preset: String,
     /// A TOML file of options laid over the preset, such as a run's config.toml.
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
     #[command(flatten)]
     flags: OptionFlags,
+    #[command(flatten)]
+    own: OwnFlags,
 }
 
 /// One flag for every option; the preset's value holds where none is given.
 #[derive(Debug, Clone, Args, Serialize)]
 #[command(next_help_heading = "Options over the preset")]
 struct OptionFlags {
-    /// vibes, no-adversary or reconstruction.
-    #[arg(long)]
+    #[arg(long, value_name = "NAME", help = objectives())]
     objective: Option<String>,
     /// auto (pixels where there are any), pixels or vectors.
     #[arg(long)]
@@ -67,13 +71,13 @@ struct OptionFlags {
     /// Largest norm of a gradient.
     #[arg(long)]
     gradient_clip: Option<f64>,
-    /// Weight with which the encoder hears the dynamics term (1 as the paper writes it).
+    /// Share of the dynamics term's gradient that reaches the encoder (1 as the paper writes it).
     #[arg(long)]
     dynamics_weight: Option<f64>,
-    /// Updates before which it does not.
+    /// Updates before which nothing of it does, for an objective that waits.
     #[arg(long)]
     dynamics_start: Option<u64>,
-    /// Nats by which the reward must be predicted better than by the rewards' own distribution before it does.
+    /// Nats by which the reward must be predicted better than by past actions alone before anything does.
     #[arg(long)]
     dynamics_after: Option<f64>,
     /// Updates after that over which the weight rises from 0.
@@ -103,9 +107,15 @@ struct OptionFlags {
     /// Least standard deviation of a predicted latent.
     #[arg(long)]
     prediction_floor: Option<f64>,
-    /// Least standard deviation of a predicted reward.
+    /// Least standard deviation of a predicted reward, in units of --reward-scale.
     #[arg(long)]
     reward_floor: Option<f64>,
+    /// Unit of the reward model; 0 for the standard deviation of the recordings' rewards.
+    #[arg(long)]
+    reward_scale: Option<f64>,
+    /// Added to the first bias of the recurrent networks' update gates.
+    #[arg(long)]
+    gru_update_bias: Option<f64>,
     /// Updates between checkpoints.
     #[arg(long)]
     checkpoint_every: Option<u64>,
@@ -125,8 +135,61 @@ impl OptionArgs {
         if let Some(path) = &self.config {
             layers.push((name.as_str(), Options::read_table(path)?));
         }
-        layers
-            .push(("the arguments", Table::try_from(&self.flags).context("the arguments cannot be written as TOML")?));
+        let mut typed = Table::try_from(&self.flags).context("the arguments cannot be written as TOML")?;
+        typed.extend(self.own.0.clone());
+        layers.push(("the arguments", typed));
         Ok(Options::resolve(&self.preset, &layers)?)
     }
+}
+
+/// Flags of the options that objectives and auxiliary terms declare for themselves; holds those that were typed.
+#[derive(Debug, Clone, Default)]
+struct OwnFlags(Table);
+
+impl Args for OwnFlags {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        let heading = "Options of objectives and auxiliary terms";
+        declared().fold(command.next_help_heading(heading), |command, option| {
+            let arg = Arg::new(option.flag).long(option.flag).help(option.help);
+            command.arg(match option.kind {
+                Kind::Number { .. } => arg.value_name("NUMBER").value_parser(clap::value_parser!(f64)),
+                Kind::Whole { .. } => arg.value_name("N").value_parser(clap::value_parser!(u32)),
+                Kind::Choice { among, .. } => arg.value_parser(PossibleValuesParser::new(among)),
+            })
+        })
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for OwnFlags {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let typed = declared().filter_map(|option| {
+            let value = match option.kind {
+                Kind::Number { .. } => Value::Float(*matches.get_one::<f64>(option.flag)?),
+                Kind::Whole { .. } => Value::Integer((*matches.get_one::<u32>(option.flag)?).into()),
+                Kind::Choice { .. } => Value::String(matches.get_one::<String>(option.flag)?.clone()),
+            };
+            Some((option.key(), value))
+        });
+        Ok(Self(typed.collect()))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        self.0.extend(Self::from_arg_matches(matches)?.0);
+        Ok(())
+    }
+}
+
+/// The help of `--objective`: every one, and what it is.
+fn objectives() -> String {
+    let lines = Objective::all().map(|objective| format!("{objective}: {}", objective.about()));
+    format!("What is maximised.\n{}", lines.collect::<Vec<_>>().join("\n"))
+}
+
+/// The help of `--preset`.
+fn presets() -> String {
+    format!("Sizes and rates to start from: {}", PRESETS.map(|(name, _)| name).join(", "))
 }

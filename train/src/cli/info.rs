@@ -48,7 +48,7 @@ fn print_row(row: &Row, updates: u64) {
         "  updates      {} of {updates}, {:.1} a second, {:.0} frames a second",
         row.update, row.updates_per_second, row.frames_per_second
     );
-    let gap = row.gap.map_or(String::new(), |gap| format!(", adversary ahead by {gap:.3}"));
+    let gap = row.stated("gap").map_or(String::new(), |gap| format!(", adversary ahead by {gap:.3}"));
     println!(
         "  latents      log-likelihood under the dynamics {:.3} nats{gap}; effective rank {:.1}",
         row.dynamics_log_likelihood, row.effective_rank

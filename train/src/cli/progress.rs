@@ -101,7 +101,7 @@ impl Progress {
 }
 
 fn summary(row: &Row) -> String {
-    let gap = row.gap.map_or(String::new(), |gap| format!(", gap {gap:.2}"));
+    let gap = row.stated("gap").map_or(String::new(), |gap| format!(", gap {gap:.2}"));
     format!(
         "dynamics {:.2}{gap}, reward {:.3}, rank {:.1}, variance {:.3}",
         row.dynamics_log_likelihood, row.reward_log_likelihood, row.effective_rank, row.latent_variance

@@ -1,43 +1,179 @@
-//! The objective `L` that the world model is trained to maximise (equation 1, Algorithm 1 lines 11–15), and the adversary's `J` (line 17). In:
-//! latents, predictions and rewards of a window. Out: one number to maximise, and the log-likelihoods it is made of. The three objectives share the reward
-//! term and everything before it; each has its own file for what stands beside the reward.
+//! The objective `L` that the world model is trained to maximise (equation 1, Algorithm 1 lines 11–15). In: a scene of latents, predictions and rewards.
+//! Out: one number to maximise, and the log-likelihoods it is made of.
+//!
+//! # To add an objective
+//! One file beside `vibes.rs`, with a unit struct that implements [`Definition`], and one line in [`REGISTRY`]. The definition says everything
+//! about itself: its name and the line of help that is shown for it, options of its own (they become flags, entries of `config.toml` and defaults without another
+//! line elsewhere), the networks it needs beside encoder, dynamics and reward, whether the encoder waits for the reward before the dynamics term reaches it,
+//! how many pictures it puts through convolutions (for `vibes-train bench`), and its value. Nothing elsewhere asks which objective is trained. A network
+//! with a step of its own (as the adversary) takes that step inside [`Definition::value`], with what [`Rival`] hands it.
+//!
+//! The tests of the training loop run over the registry: a new objective is tested for learning, for going on byte for byte and for diverging cleanly
+//! without a new test.
 
 use std::fmt;
 use std::str::FromStr;
 
 use burn::tensor::Tensor;
-use serde::{Deserialize, Serialize};
-use vibes_model::gaussian::Gaussian;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use vibes_model::HeadConfig;
+use vibes_model::adversary::Adversary;
 
-use crate::error::TrainError;
+use super::optimizer::Optimizer;
+use super::scene::Scene;
+use crate::error::{Result, TrainError};
+use crate::options::Options;
+use crate::options::own::Declared;
 
+pub mod action_baseline;
 pub mod no_adversary;
 pub mod reconstruction;
 pub mod vibes;
 
-/// Which objective the world model is trained with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Objective {
-    /// Dynamics against the adversary, and reward: the paper's equation 1.
-    Vibes,
-    /// Dynamics and reward alone: the ablation "No Adv.".
-    NoAdversary,
-    /// Observation, dynamics and reward: the ablation "Recon.".
-    Reconstruction,
+/// Every objective; the first is the default.
+pub const REGISTRY: [&dyn Definition; 3] = [&vibes::Vibes, &no_adversary::NoAdversary, &reconstruction::Reconstruction];
+
+/// What an objective says about itself.
+pub trait Definition: fmt::Debug + Sync {
+    /// Its name on the command line and in files.
+    fn name(&self) -> &'static str;
+
+    /// What it is, in a line of help.
+    fn about(&self) -> &'static str;
+
+    /// Options that nothing else has.
+    fn options(&self) -> &'static [Declared] {
+        &[]
+    }
+
+    /// The networks it needs beside encoder, dynamics and reward; `actions` is the number of values of an action.
+    fn networks(&self, options: &Options, actions: usize) -> Networks;
+
+    /// What must have been learned before the dynamics term's gradient reaches the encoder; without a condition it does from the first update on.
+    fn gate(&self, _options: &Options) -> Option<Condition> {
+        None
+    }
+
+    /// Pictures that go through convolutions for one window of `length` rows.
+    fn pictures(&self, length: usize) -> Pictures;
+
+    /// The value, after whatever step comes before the world model's.
+    ///
+    /// # Errors
+    /// The batch does not fit the networks, or a quantity is no longer a number.
+    fn value(&self, scene: &Scene<'_>, rival: Rival<'_>) -> Result<Value>;
 }
+
+/// Networks beside encoder, dynamics and reward.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Networks {
+    /// The adversary, with an optimiser of its own.
+    pub adversary: bool,
+    /// The decoder of observations.
+    pub decoder: bool,
+    /// Perceptrons of the world model, found by name with `World::head`.
+    pub heads: Vec<HeadConfig>,
+}
+
+/// When the dynamics term begins to reach the encoder (see [`gate`](crate::gate)).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Condition {
+    /// The first update at which it may.
+    pub start: u64,
+    /// Nats by which the reward must be predicted better than the objective's [baseline](Value::reward_baseline) predicts it; 0 or less for no such condition.
+    pub gain: f64,
+}
+
+/// Pictures through convolutions, forward and backward.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pictures {
+    /// Through picture networks like the encoder's.
+    pub encoded: usize,
+    /// Through the decoder.
+    pub decoded: usize,
+}
+
+/// A network that learns beside the world model, and what it takes its step with.
+#[derive(Debug)]
+pub struct Rival<'a> {
+    /// The adversary, where [`Networks::adversary`] asked for one.
+    pub adversary: &'a mut Option<Adversary>,
+    /// Its Adam.
+    pub optimizer: &'a mut Optimizer,
+}
+
+/// The value of an objective and what it is made of. Log-likelihoods are nats a row that counts.
+#[derive(Debug, Clone)]
+pub struct Value {
+    /// To be maximised: `[1]`
+    pub objective: Tensor<1>,
+    /// Log-likelihood of the latents under the dynamics: `[1]`
+    pub dynamics: Tensor<1>,
+    /// Log-likelihood of the rewards: `[1]`
+    pub reward: Tensor<1>,
+    /// Log-likelihood of the rewards under what the [gate](Definition::gate) compares with: `[1]`
+    pub reward_baseline: Option<Tensor<1>>,
+    /// Further numbers for the metrics, by the names they have there: `[1]`
+    pub stated: Vec<(&'static str, Tensor<1>)>,
+}
+
+impl Value {
+    /// The terms that all objectives share: reward by its weight and dynamics, sums over rows, divided by `count`.
+    pub fn of(dynamics_term: Tensor<1>, dynamics: Tensor<1>, reward: Tensor<1>, scene: &Weights) -> Self {
+        Self {
+            objective: (dynamics_term + reward.clone() * scene.reward) / scene.count,
+            dynamics: dynamics / scene.count,
+            reward: reward / scene.count,
+            reward_baseline: None,
+            stated: Vec::new(),
+        }
+    }
+}
+
+/// What sums over rows are weighted and divided by.
+#[derive(Debug, Clone, Copy)]
+pub struct Weights {
+    /// Weight of the reward term.
+    pub reward: f32,
+    /// Rows that count.
+    pub count: f32,
+}
+
+impl Weights {
+    /// Those of a scene.
+    pub fn of(scene: &Scene<'_>) -> Self {
+        Self { reward: scene.schedule.reward_weight, count: scene.predictions.count }
+    }
+}
+
+/// A chosen objective: its definition, written and read by name.
+#[derive(Debug, Clone, Copy)]
+pub struct Objective(&'static dyn Definition);
 
 impl Objective {
     /// Every objective.
-    pub const ALL: [Self; 3] = [Self::Vibes, Self::NoAdversary, Self::Reconstruction];
+    pub fn all() -> impl Iterator<Item = Self> {
+        REGISTRY.into_iter().map(Self)
+    }
+}
 
-    /// Its name on the command line and in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Vibes => "vibes",
-            Self::NoAdversary => "no-adversary",
-            Self::Reconstruction => "reconstruction",
-        }
+impl Default for Objective {
+    fn default() -> Self {
+        Self(REGISTRY[0])
+    }
+}
+
+impl std::ops::Deref for Objective {
+    type Target = dyn Definition;
+
+    fn deref(&self) -> &Self::Target {
+        self.0
+    }
+}
+
+impl PartialEq for Objective {
+    fn eq(&self, other: &Self) -> bool {
+        self.name() == other.name()
     }
 }
 
@@ -50,75 +186,24 @@ impl fmt::Display for Objective {
 impl FromStr for Objective {
     type Err = TrainError;
 
-    fn from_str(text: &str) -> Result<Self, TrainError> {
-        Self::ALL.into_iter().find(|objective| objective.name() == text).ok_or_else(|| {
-            let names = Self::ALL.map(Self::name).join(", ");
-            TrainError::Options(format!("no objective `{text}`; there are {names}"))
+    fn from_str(text: &str) -> Result<Self> {
+        Self::all().find(|objective| objective.name() == text).ok_or_else(|| {
+            let names: Vec<&str> = REGISTRY.iter().map(|definition| definition.name()).collect();
+            TrainError::Options(format!("no objective `{text}`; there are {}", names.join(", ")))
         })
     }
 }
 
-/// The same latents, through which only a share of the gradient passes to the encoder. The dynamics term is computed on these, so that the dynamics
-/// model learns at its full rate from the first update on while the encoder gives way to it as much as `weight` says (the idea of KL balancing).
-pub fn hear(latents: &Tensor<3>, weight: f32) -> Tensor<3> {
-    if weight == 1.0 {
-        return latents.clone();
-    }
-    latents.clone() * weight + latents.clone().detach() * (1.0 - weight)
-}
-
-/// A window as the objective sees it.
-#[derive(Debug, Clone)]
-pub struct Predictions {
-    /// Sampled latents, as the dynamics term [hears](hear) them: `[length, batch, latent]`
-    pub latents: Tensor<3>,
-    /// The dynamics' prediction of the latents `1..length`: `[length − 1, batch, …]`
-    pub dynamics: Gaussian,
-    /// The prediction of the rewards: `[length, batch, 1]`
-    pub reward: Gaussian,
-    /// `[length, batch, 1]`
-    pub rewards: Tensor<3>,
-    /// 1 where a row counts, 0 where it only warms up the hidden states: `[length, batch, 1]`
-    pub counted: Tensor<3>,
-    /// Number of rows that count, the paper's `T·B`.
-    pub count: f32,
-}
-
-/// The value of an objective and what it is made of.
-#[derive(Debug, Clone)]
-pub struct Value {
-    /// To be maximised: `[1]`
-    pub objective: Tensor<1>,
-    /// Log-likelihood of the latents under the dynamics, nats a row: `[1]`
-    pub dynamics: Tensor<1>,
-    /// Log-likelihood of the rewards, nats a row: `[1]`
-    pub reward: Tensor<1>,
-    /// Share of the (step, dimension) pairs whose log-ratio was cut to zero: `[1]`
-    pub clipped: Option<Tensor<1>>,
-    /// Log-likelihood of the observations, nats a row, up to a constant: `[1]`
-    pub reconstruction: Option<Tensor<1>>,
-}
-
-impl Predictions {
-    /// Log-density of the latents `1..length`, zero in rows that do not count.
-    ///
-    /// # Shapes
-    /// - output: `[length − 1, batch, latent]`
-    pub fn latent_log_prob(&self, prediction: &Gaussian) -> Tensor<3> {
-        let length = self.latents.dims()[0];
-        let next = self.latents.clone().narrow(0, 1, length - 1);
-        prediction.log_prob(next) * self.counted.clone().narrow(0, 1, length - 1)
-    }
-
-    /// Sum over the rows that count of `log p(r_t | s_t, a_t)`: `[1]`
-    pub fn reward_log_prob(&self) -> Tensor<1> {
-        (self.reward.log_prob(self.rewards.clone()) * self.counted.clone()).sum()
+impl Serialize for Objective {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
     }
 }
 
-/// The adversary's objective `J_ψ`: the mean log-likelihood of the latents under its prediction, nats a row (Algorithm 1, line 17).
-pub fn adversary_objective(log_prob: Tensor<3>, count: f32) -> Tensor<1> {
-    log_prob.sum() / count
+impl<'de> Deserialize<'de> for Objective {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(serde::de::Error::custom)
+    }
 }
 
 #[cfg(test)]

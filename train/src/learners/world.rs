@@ -1,26 +1,24 @@
 //! One update of Algorithm 1. In: a batch of windows. Out: the model after one step of the adversary and one of the world model, and what was measured on
 //! the way.
 //!
-//! The adversary steps first, on detached latents and at its own rate. Then the world model steps: ψ is held fixed, but gradients pass through
-//! the latents into the adversary's log-likelihood. One pass of the adversary's observation network serves both: its features do not depend on the latents,
-//! so the second step uses those of the first as constants.
+//! Encode, predict, ask the objective for its value (it takes whatever step of its own comes first), add the auxiliary terms that were asked for, step.
 
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 use burn::module::Module;
-use burn::tensor::{Device, Tensor, TensorData};
-use rand::Rng;
-use vibes_model::adversary::Adversary;
-use vibes_model::gaussian::Gaussian;
-use vibes_model::init::normal;
-use vibes_model::observe::Frames;
+use burn::tensor::{Device, Tensor};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use vibes_model::Model;
 use vibes_model::parameters::to_values;
-use vibes_model::{Model, World};
 
 use crate::batch::Batch;
 use crate::error::{Result, TrainError};
-use crate::learners::objective::{Predictions, Value, adversary_objective, hear, no_adversary, reconstruction, vibes};
+use crate::learners::auxiliary;
+use crate::learners::objective::{Rival, Value};
 use crate::learners::optimizer::{NamedGradients, Optimizer};
+use crate::learners::scene::Scene;
 use crate::options::{Options, Schedule};
 
 /// A model in training.
@@ -42,22 +40,18 @@ pub struct Measures {
     pub objective: f32,
     /// Latents under the dynamics.
     pub dynamics: f32,
-    /// Latents under the adversary, after its step.
-    pub adversary: Option<f32>,
-    /// Share of (step, dimension) pairs whose log-ratio was cut.
-    pub clipped: Option<f32>,
     /// Rewards.
     pub reward: f32,
-    /// Observations, up to a constant.
-    pub reconstruction: Option<f32>,
-    /// How much of the dynamics term's gradient the encoder heard.
+    /// Rewards under what the objective's gate compares with.
+    pub reward_baseline: Option<f32>,
+    /// What the objective and the auxiliary terms state, by their names in the metrics.
+    pub stated: BTreeMap<&'static str, f32>,
+    /// Share of the dynamics term's gradient that reached the encoder.
     pub dynamics_weight: f32,
     /// Norm of the world model's gradient before it was limited.
     pub gradient_norm: f32,
     /// The encoder's part of it.
     pub encoder_gradient_norm: f32,
-    /// Norm of the adversary's gradient before it was limited.
-    pub adversary_gradient_norm: Option<f32>,
     /// Means of the latents: `[rows, latent]`, row-major.
     pub latent_means: Vec<f32>,
     /// Where the time went.
@@ -67,12 +61,12 @@ pub struct Measures {
 /// Milliseconds of the parts of an update, as seen by the thread that makes it (a GPU may still be at work on the part before).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Phases {
-    /// The encoder's forward pass.
-    pub encode: f64,
-    /// All of the adversary's step, and its prediction for the world model's.
-    pub adversary: f64,
-    /// Dynamics, reward and objective.
+    /// Encoder, dynamics and reward, forward.
     pub predict: f64,
+    /// The objective, the adversary's whole step with it.
+    pub objective: f64,
+    /// The auxiliary terms.
+    pub auxiliary: f64,
     /// The backward pass.
     pub backward: f64,
     /// Gradient norms and Adam.
@@ -88,7 +82,7 @@ impl Learner {
         Self { model, optimizer: optimizer(), adversary_optimizer: optimizer(), device: device.clone() }
     }
 
-    /// Makes one update; `rng` is for the noise of the latents.
+    /// Makes one update; `rng` is for the noise of the latents and for what auxiliary terms draw.
     ///
     /// # Errors
     /// The batch does not fit the model, or a quantity is no longer a number; the learner is gone then, and its last checkpoint is where to go on.
@@ -100,57 +94,23 @@ impl Learner {
         rng: &mut impl Rng,
     ) -> Result<(Self, Measures)> {
         let mut watch = Stopwatch::start();
-        let means = self.model.world.encoder.forward(batch.frames.clone(), batch.previous_actions.clone(), None)?.means;
-        let noise = Tensor::<3>::from_data(
-            TensorData::new(normal(means.shape().num_elements(), rng), means.dims()),
-            &self.device,
-        );
-        let latents = means.clone() + noise * self.model.config.latent_std;
-        let heard = hear(&latents, schedule.dynamics_weight);
-        let encode = watch.lap();
-        let before_last = Span { length: batch.length - 1 };
-        let adversary = match self.model.adversary.take() {
-            Some(adversary) => {
-                Some(self.adversary_step(adversary, batch, &heard, before_last, schedule.adversary_lr, options)?)
-            }
-            None => None,
+        let Model { config, world, adversary } = &mut self.model;
+        let scene = Scene::new((world, config), batch, (options, schedule), rng, &self.device)?;
+        let mut phases = Phases { predict: watch.lap(), ..Phases::default() };
+        let value = options.objective.value(&scene, Rival { adversary, optimizer: &mut self.adversary_optimizer })?;
+        phases.objective = watch.lap();
+        let value = with_auxiliaries(&scene, value, &mut ChaCha8Rng::seed_from_u64(rng.random()))?;
+        phases.auxiliary = watch.lap();
+        let means = scene.means.clone().inner();
+        drop(scene);
+        let mut measures = Measures {
+            latent_means: to_values(means),
+            dynamics_weight: schedule.dynamics_weight,
+            phases,
+            ..measure(&value)
         };
-        let adversary_ms = watch.lap();
-        let predictions = predict(&self.model.world, batch, &latents, heard, before_last);
-        let value = evaluate(&self.model, batch, &latents, &predictions, adversary.as_ref(), schedule.reward_weight)?;
-        let mut measures = measure(&predictions, &value, adversary.as_ref());
-        measures.latent_means = to_values(means.inner());
-        measures.dynamics_weight = schedule.dynamics_weight;
-        drop(predictions);
-        measures.phases = Phases { encode, adversary: adversary_ms, predict: watch.lap(), ..Phases::default() };
         let learner = self.world_step(value, &mut measures, schedule.lr, options.gradient_clip as f32)?;
         Ok((learner, measures))
-    }
-
-    /// The adversary's step, and its prediction for the world model's step.
-    fn adversary_step(
-        &mut self,
-        adversary: Adversary,
-        batch: &Batch,
-        heard: &Tensor<3>,
-        span: Span,
-        lr: f64,
-        options: &Options,
-    ) -> Result<AdversaryStep> {
-        let fixed = heard.clone().detach();
-        let actions = span.of(batch.actions.clone());
-        let features = adversary.observe.forward(span.frames(&batch.frames, batch.batch), span.length)?;
-        let prediction = adversary.forward(features.clone(), span.of(fixed.clone()), actions.clone());
-        let next = fixed.narrow(0, 1, span.length);
-        let counted = batch.counted.clone().narrow(0, 1, span.length);
-        let objective = adversary_objective(prediction.log_prob(next) * counted, batch.count);
-        finite("the adversary's log-likelihood", scalar(&objective))?;
-        let gradients = NamedGradients::take(&adversary, &mut objective.neg().backward());
-        let gradient_norm = finite("the adversary's gradient norm", gradients.norm(""))?;
-        let adversary = self.adversary_optimizer.step(adversary, gradients, lr, options.gradient_clip as f32);
-        let prediction = adversary.valid().forward(features.inner(), span.of(heard.clone()), actions);
-        self.model.adversary = Some(adversary);
-        Ok(AdversaryStep { prediction, gradient_norm })
     }
 
     fn world_step(mut self, value: Value, measures: &mut Measures, lr: f64, clip: f32) -> Result<Self> {
@@ -164,6 +124,16 @@ impl Learner {
         measures.phases.step = watch.lap();
         Ok(self)
     }
+}
+
+/// The value with every auxiliary term that the options ask for.
+fn with_auxiliaries(scene: &Scene<'_>, mut value: Value, rng: &mut ChaCha8Rng) -> Result<Value> {
+    for term in auxiliary::asked(scene.options) {
+        let log_likelihood = term.value(scene, rng)?;
+        value.objective = value.objective + log_likelihood.clone() * term.weight(scene.options) as f32;
+        value.stated.push((term.metric(), log_likelihood));
+    }
+    Ok(value)
 }
 
 struct Stopwatch {
@@ -183,81 +153,27 @@ impl Stopwatch {
     }
 }
 
-struct AdversaryStep {
-    prediction: Gaussian,
-    gradient_norm: f32,
-}
-
-/// All rows of a window but the last, which nothing is predicted from.
-#[derive(Clone, Copy)]
-struct Span {
-    length: usize,
-}
-
-impl Span {
-    fn of(self, x: Tensor<3>) -> Tensor<3> {
-        x.narrow(0, 0, self.length)
-    }
-
-    fn frames(self, frames: &Frames, batch: usize) -> Frames {
-        match frames {
-            Frames::Pixels(pixels) => Frames::Pixels(pixels.clone().narrow(0, 0, self.length * batch)),
-            Frames::Vectors(vectors) => Frames::Vectors(vectors.clone().narrow(0, 0, self.length * batch)),
-        }
-    }
-}
-
-/// The dynamics term on the latents as `heard`, the reward on all of them.
-fn predict(world: &World, batch: &Batch, latents: &Tensor<3>, heard: Tensor<3>, span: Span) -> Predictions {
-    let (dynamics, _) = world.dynamics.forward(span.of(heard.clone()), span.of(batch.actions.clone()), None);
-    Predictions {
-        dynamics,
-        reward: world.reward.forward(latents.clone(), batch.actions.clone()),
-        latents: heard,
-        rewards: batch.rewards.clone(),
-        counted: batch.counted.clone(),
-        count: batch.count,
-    }
-}
-
-fn evaluate(
-    model: &Model,
-    batch: &Batch,
-    latents: &Tensor<3>,
-    predictions: &Predictions,
-    adversary: Option<&AdversaryStep>,
-    reward_weight: f32,
-) -> Result<Value> {
-    Ok(match (adversary, &model.world.decoder) {
-        (Some(step), _) => vibes::value(predictions, &step.prediction, reward_weight),
-        (None, Some(decoder)) => {
-            let observations = decoder.log_prob(batch.frames.clone(), latents.clone())?;
-            reconstruction::value(predictions, observations, reward_weight)
-        }
-        (None, None) => no_adversary::value(predictions, reward_weight),
-    })
-}
-
-fn scalar(value: &Tensor<1>) -> f32 {
+/// The one number of a tensor.
+pub(crate) fn scalar(value: &Tensor<1>) -> f32 {
     value.clone().into_scalar()
 }
 
-fn measure(predictions: &Predictions, value: &Value, adversary: Option<&AdversaryStep>) -> Measures {
-    let log_likelihood =
-        |step: &AdversaryStep| scalar(&predictions.latent_log_prob(&step.prediction).sum()) / predictions.count;
+fn measure(value: &Value) -> Measures {
     Measures {
         objective: scalar(&value.objective),
         dynamics: scalar(&value.dynamics),
-        adversary: adversary.map(log_likelihood),
-        clipped: value.clipped.as_ref().map(scalar),
         reward: scalar(&value.reward),
-        reconstruction: value.reconstruction.as_ref().map(scalar),
-        adversary_gradient_norm: adversary.map(|step| step.gradient_norm),
+        reward_baseline: value.reward_baseline.as_ref().map(scalar),
+        stated: value.stated.iter().map(|(name, number)| (*name, scalar(number))).collect(),
         ..Measures::default()
     }
 }
 
-fn finite(what: &'static str, value: f32) -> Result<f32> {
+/// A quantity that must be a number.
+///
+/// # Errors
+/// It is not.
+pub(crate) fn finite(what: &'static str, value: f32) -> Result<f32> {
     if value.is_finite() { Ok(value) } else { Err(TrainError::NotFinite { what, value }) }
 }
 

@@ -1,5 +1,6 @@
 //! The presets: sizes and rates to start from, by name.
 
+use super::own::Own;
 use super::{Observations, Options};
 use crate::learners::objective::Objective;
 
@@ -7,12 +8,13 @@ use crate::learners::objective::Objective;
 pub type Preset = fn() -> Options;
 
 /// The presets, by name.
-pub const PRESETS: [(&str, Preset); 4] = [("tiny", tiny), ("small", small), ("base", base), ("paper", paper)];
+pub const PRESETS: [(&str, Preset); 5] =
+    [("tiny", tiny), ("small", small), ("base", base), ("paper", paper), ("paper-small", paper_small)];
 
 /// For a CPU: what learned fastest per hour in the first trials.
 pub fn small() -> Options {
     Options {
-        objective: Objective::Vibes,
+        objective: Objective::default(),
         observations: Observations::Auto,
         seed: 0,
         batch: 8,
@@ -37,11 +39,14 @@ pub fn small() -> Options {
         latent_std: 0.1,
         prediction_floor: 0.1,
         reward_floor: 0.1,
+        reward_scale: 0.0,
+        gru_update_bias: 0.0,
         updates: 50_000,
         minutes: 0.0,
         checkpoint_every: 500,
         log_every: 20,
         keep: 3,
+        own: Own::with(&[]),
     }
 }
 
@@ -81,7 +86,8 @@ fn base() -> Options {
     }
 }
 
-/// The objective with the weights it is written with, at Dreamer's sizes (which the paper replaces the model learning of).
+/// The objective with the weights it is written with, at Dreamer's sizes (which the paper replaces the model learning of). The paper gives no rates and no floors; the
+/// adversary's rate is above the model's as it asks, and the floors are low enough never to matter to a latent that carries noise of 0.1.
 fn paper() -> Options {
     Options {
         batch: 50,
@@ -98,7 +104,16 @@ fn paper() -> Options {
         lr_warmup: 0,
         calibrate: false,
         lr: 3e-4,
+        adversary_lr: 6e-4,
+        prediction_floor: 0.01,
+        reward_floor: 0.01,
+        reward_scale: 1.0,
         updates: 100_000,
         ..small()
     }
+}
+
+/// The same at sizes that a CPU trains in hours: windows as long as those, fewer of them, smaller networks.
+fn paper_small() -> Options {
+    Options { batch: 16, depth: 16, updates: 20_000, checkpoint_every: 500, ..paper() }
 }

@@ -21,7 +21,7 @@ fn later_layers_win_and_whole_numbers_are_widened() {
 #[test]
 fn unknown_names_list_the_known_ones() {
     let error = Options::resolve("huge", &[]).unwrap_err().to_string();
-    assert!(error.contains("tiny, small, base, paper"), "{error}");
+    assert!(error.contains("tiny, small, base, paper, paper-small"), "{error}");
     let file: Table = "batchsize = 3".parse().unwrap();
     let error = Options::resolve("small", &[("a.toml", file)]).unwrap_err().to_string();
     assert!(error.contains("batchsize") && error.contains("gradient_clip") && error.contains("a.toml"), "{error}");
@@ -56,4 +56,48 @@ fn only_options_that_change_the_numbers_are_compared() {
     assert_eq!(small().first_difference(&longer), None);
     let other = Options { dynamics_weight: 1.0, ..small() };
     assert_eq!(small().first_difference(&other).unwrap().0, "dynamics-weight");
+}
+
+#[test]
+fn declared_options_lie_beside_all_others() {
+    let layer: Table = "inverse_weight = 1\nclip = 'none'\nreward_steps = 4".parse().unwrap();
+    let options = Options::resolve("small", &[("a.toml", layer)]).unwrap();
+    assert_eq!(options.own.number(&crate::learners::auxiliary::inverse::WEIGHT), 1.0);
+    let text = toml::to_string(&options).unwrap();
+    assert!(text.contains("inverse_weight = 1.0") && text.contains("clip = \"none\""), "{text}");
+    let read: Options = toml::from_str(&text).unwrap();
+    assert_eq!(read, options);
+    let json = serde_json::to_string(&options).unwrap();
+    assert_eq!(serde_json::from_str::<Options>(&json).unwrap(), options);
+    // A run of before an option was declared reads as if it were at its default.
+    let older: String = text.lines().filter(|line| !line.starts_with("inverse_")).collect::<Vec<_>>().join("\n");
+    let read: Options = toml::from_str(&older).unwrap();
+    assert_eq!(read.own.number(&crate::learners::auxiliary::inverse::WEIGHT), 0.0);
+    for wrong in ["clip = 'sometimes'", "reward_steps = 0.5", "inverse_weight = -1", "reward_steps = 16"] {
+        let layer: Table = wrong.parse().unwrap();
+        assert!(Options::resolve("small", &[("a.toml", layer)]).is_err(), "{wrong}");
+    }
+}
+
+#[test]
+fn the_reward_floor_follows_the_rewards() {
+    let spec = crate::bench::made_up_spec(crate::bench::Sizes { picture: 16, actions: 1, repeats: 1 });
+    let kind = ObservationKind::Vector { len: 1 };
+    let model = |text: &str| {
+        let layer: Table = text.parse().unwrap();
+        Options::resolve("small", &[("the test", layer)]).unwrap().model(&spec, kind, 2.5)
+    };
+    let relative = model("reward_floor = 0.1");
+    assert_eq!((relative.reward_scale, relative.reward_floor), (2.5, 0.25));
+    let absolute = model("reward_floor = 0.1\nreward_scale = 1.0");
+    assert_eq!((absolute.reward_scale, absolute.reward_floor), (1.0, 0.1));
+}
+
+#[test]
+fn the_paper_has_rates_and_floors_of_its_own() {
+    let paper = Options::resolve("paper", &[]).unwrap();
+    assert!(paper.adversary_lr > paper.lr && paper.adversary_lr <= 3.0 * paper.lr);
+    assert!(paper.prediction_floor < small().prediction_floor && paper.reward_floor < small().reward_floor);
+    assert_eq!((paper.dynamics_weight, paper.reward_scale), (1.0, 1.0));
+    assert!(asked(&paper).next().is_none());
 }

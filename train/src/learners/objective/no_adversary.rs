@@ -5,18 +5,39 @@
 //! L = 1/(T B) Σ_t Σ_b [ log p_θ(s_t | h_t−1, s_t−1, a_t−1) + log p_θ(r_t | s_t, a_t) ]
 //! ```
 
-use super::{Predictions, Value};
+use super::{Definition, Networks, Pictures, Rival, Value, Weights};
+use crate::error::Result;
+use crate::learners::scene::{Predictions, Scene};
+use crate::options::Options;
+
+/// The ablation without an adversary.
+#[derive(Debug)]
+pub struct NoAdversary;
+
+impl Definition for NoAdversary {
+    fn name(&self) -> &'static str {
+        "no-adversary"
+    }
+
+    fn about(&self) -> &'static str {
+        "dynamics and reward alone: the paper's ablation \"No Adv.\""
+    }
+
+    fn networks(&self, _options: &Options, _actions: usize) -> Networks {
+        Networks::default()
+    }
+
+    fn pictures(&self, length: usize) -> Pictures {
+        Pictures { encoded: length, decoded: 0 }
+    }
+
+    fn value(&self, scene: &Scene<'_>, _rival: Rival<'_>) -> Result<Value> {
+        Ok(value(&scene.predictions, Weights::of(scene)))
+    }
+}
 
 /// The value of the objective.
-pub fn value(predictions: &Predictions, reward_weight: f32) -> Value {
+pub fn value(predictions: &Predictions, weights: Weights) -> Value {
     let dynamics = predictions.latent_log_prob(&predictions.dynamics).sum();
-    let reward = predictions.reward_log_prob();
-    let count = predictions.count;
-    Value {
-        objective: (dynamics.clone() + reward.clone() * reward_weight) / count,
-        dynamics: dynamics / count,
-        reward: reward / count,
-        clipped: None,
-        reconstruction: None,
-    }
+    Value::of(dynamics.clone(), dynamics, predictions.reward_log_prob(), &weights)
 }

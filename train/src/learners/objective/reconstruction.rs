@@ -7,12 +7,48 @@
 
 use burn::tensor::Tensor;
 
-use super::{Predictions, Value, no_adversary};
+use super::{Definition, Networks, Pictures, Rival, Value, Weights, no_adversary};
+use crate::error::{Result, TrainError};
+use crate::learners::scene::{Predictions, Scene};
+use crate::options::Options;
+
+/// The ablation that reconstructs observations.
+#[derive(Debug)]
+pub struct Reconstruction;
+
+impl Definition for Reconstruction {
+    fn name(&self) -> &'static str {
+        "reconstruction"
+    }
+
+    fn about(&self) -> &'static str {
+        "observation, dynamics and reward: the paper's ablation \"Recon.\""
+    }
+
+    fn networks(&self, _options: &Options, _actions: usize) -> Networks {
+        Networks { decoder: true, ..Networks::default() }
+    }
+
+    fn pictures(&self, length: usize) -> Pictures {
+        Pictures { encoded: length, decoded: length }
+    }
+
+    fn value(&self, scene: &Scene<'_>, _rival: Rival<'_>) -> Result<Value> {
+        let Some(decoder) = &scene.world.decoder else {
+            let fact = "this model was made without the decoder that `reconstruction` needs";
+            return Err(TrainError::Options(fact.to_owned()));
+        };
+        let observations = decoder.log_prob(scene.batch.frames.clone(), scene.latents.clone())?;
+        Ok(value(&scene.predictions, observations, Weights::of(scene)))
+    }
+}
 
 /// The value of the objective; `observations` is the log-density of each row's observation, `[length, batch]`.
-pub fn value(predictions: &Predictions, observations: Tensor<2>, reward_weight: f32) -> Value {
+pub fn value(predictions: &Predictions, observations: Tensor<2>, weights: Weights) -> Value {
     let counted = predictions.counted.clone().squeeze_dim::<2>(2);
     let reconstruction = (observations * counted).sum() / predictions.count;
-    let rest = no_adversary::value(predictions, reward_weight);
-    Value { objective: rest.objective + reconstruction.clone(), reconstruction: Some(reconstruction), ..rest }
+    let mut value = no_adversary::value(predictions, weights);
+    value.objective = value.objective + reconstruction.clone();
+    value.stated.push(("reconstruction_log_likelihood", reconstruction));
+    value
 }

@@ -5,7 +5,9 @@ use serde_json::Value as Json;
 use vibes_model::gaussian::Gaussian;
 use vibes_model::parameters::to_values;
 
+use super::vibes::{Clip, adversary_objective};
 use super::*;
+use crate::learners::scene::{Predictions, gated};
 
 const TOLERANCE: f32 = 1e-5;
 
@@ -70,7 +72,12 @@ fn case(golden: &Json, device: &Device) -> Case {
     Case { s, dynamics, adversary, reward, predictions }
 }
 
-const ONE: f32 = 1.0;
+const ONE: Weights = Weights { reward: 1.0, count: 24.0 };
+
+fn stated(value: &Value, name: &str) -> Vec<f32> {
+    let found = value.stated.iter().find(|(stated, _)| *stated == name);
+    to_values(found.unwrap_or_else(|| panic!("no {name}")).1.clone())
+}
 
 #[test]
 fn vibes_agrees_with_the_golden_value_and_all_gradients() {
@@ -78,9 +85,9 @@ fn vibes_agrees_with_the_golden_value_and_all_gradients() {
     let case = case(&golden, &device);
     // ψ is held fixed: the adversary's outputs are constants here, the latents are not.
     let fixed = Gaussian { mean: case.adversary.mean.clone().detach(), std: case.adversary.std.clone().detach() };
-    let value = vibes::value(&case.predictions, &fixed, ONE);
+    let value = vibes::value(&case.predictions, &fixed, Clip::Batch, ONE);
     assert_close(&to_values(value.objective.clone()), &numbers(&golden["L"]), "L");
-    assert_close(&to_values(value.clipped.expect("clipping")), &numbers(&golden["clipped_share"]), "clipped share");
+    assert_close(&stated(&value, "clipped_share"), &numbers(&golden["clipped_share"]), "clipped share");
     let grads = value.objective.backward();
     let checks = [
         ("s", &case.s),
@@ -142,12 +149,12 @@ fn reconstruction_adds_the_observations_to_no_adversary() {
 fn rows_that_do_not_count_have_no_influence() {
     let (golden, device) = (golden(), Device::flex().autodiff());
     let mut case = case(&golden, &device);
-    let before = to_values(vibes::value(&case.predictions, &case.adversary, ONE).objective);
+    let before = to_values(vibes::value(&case.predictions, &case.adversary, Clip::Batch, ONE).objective);
     // Another latent and another reward in the row that does not count.
     let first = |x: Tensor<3>| Tensor::cat(vec![x.clone().narrow(0, 0, 1) + 3.0, x.clone().narrow(0, 1, 6)], 0);
     case.predictions.latents = first(case.predictions.latents);
     case.predictions.rewards = first(case.predictions.rewards);
-    let after = to_values(vibes::value(&case.predictions, &case.adversary, ONE).objective);
+    let after = to_values(vibes::value(&case.predictions, &case.adversary, Clip::Batch, ONE).objective);
     assert_close(&after, &before, "objective");
 }
 
@@ -158,14 +165,107 @@ fn an_unknown_objective_lists_the_known_ones() {
 }
 
 #[test]
-fn the_encoder_hears_the_share_it_is_told_and_the_values_stay() {
+fn the_share_of_the_gradient_is_the_weight_and_the_values_stay() {
     let device = Device::flex().autodiff();
     for weight in [0.0, 0.25, 1.0] {
         let latents = Tensor::<3>::from_data([[[1.0_f32, -2.0, 0.5]]], &device).require_grad();
-        let heard = hear(&latents, weight);
-        assert_close(&to_values(heard.clone()), &[1.0, -2.0, 0.5], "values");
-        let grads = heard.sum().backward();
+        let gated = gated(&latents, weight);
+        assert_close(&to_values(gated.clone()), &[1.0, -2.0, 0.5], "values");
+        let grads = gated.sum().backward();
         let found = latents.grad(&grads).map_or(vec![0.0; 3], to_values);
         assert_close(&found, &[weight; 3], "gradient");
     }
+}
+
+#[test]
+fn the_ways_to_clip_differ_as_their_sums_do() {
+    let (golden, device) = (golden(), Device::flex().autodiff());
+    let case = case(&golden, &device);
+    let term = |clip| {
+        let value = vibes::value(&case.predictions, &case.adversary, clip, ONE);
+        to_values((value.objective - value.reward) * 24.0)[0]
+    };
+    let ratio = to_values(vibes::log_ratio(
+        case.predictions.latent_log_prob(&case.dynamics),
+        case.predictions.latent_log_prob(&case.adversary),
+    ));
+    let dims = ratio.len() / 6;
+    let cut: f32 = ratio.iter().map(|x| x.min(0.0)).sum();
+    let over_time: f32 = (0..dims).map(|dim| ratio.iter().skip(dim).step_by(dims).sum::<f32>().min(0.0)).sum();
+    let sum: f32 = ratio.iter().sum();
+    for (clip, wanted) in [(Clip::Batch, cut), (Clip::BatchTime, over_time), (Clip::None, sum)] {
+        assert!(
+            (term(clip) - wanted).abs() < 1e-3 * wanted.abs().max(1.0),
+            "{clip:?}: {} against {wanted}",
+            term(clip)
+        );
+    }
+    assert!(cut < over_time && over_time <= sum.min(0.0), "the golden case cuts something: {cut} {over_time} {sum}");
+}
+
+#[test]
+fn steps_that_only_warm_up_have_no_share_in_what_is_cut() {
+    let (golden, device) = (golden(), Device::flex().autodiff());
+    let mut case = case(&golden, &device);
+    // Only the last two of six steps count; all of their ratios are made positive, so all that counts is cut.
+    let counted = Tensor::cat(vec![Tensor::zeros([5, 4, 1], &device), Tensor::ones([2, 4, 1], &device)], 0);
+    case.predictions.counted = counted;
+    let poor = Gaussian { mean: case.adversary.mean.clone() + 100.0, std: case.adversary.std.clone() };
+    let value = vibes::value(&case.predictions, &poor, Clip::Batch, ONE);
+    assert_close(&stated(&value, "clipped_share"), &[1.0], "clipped share");
+}
+
+/// Every objective and every auxiliary term says what nothing else says.
+#[test]
+fn names_and_options_are_unique() {
+    let mut names: Vec<&str> = REGISTRY.iter().map(|definition| definition.name()).collect();
+    names.extend(crate::learners::auxiliary::REGISTRY.iter().map(|term| term.metric()));
+    names.extend(crate::options::own::declared().map(|option| option.flag));
+    let count = names.len();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), count, "{names:?}");
+}
+
+/// ψ is held fixed, and the latents reach its log-likelihood by two ways: as what is predicted, and through its own recurrent network as what it is predicted from.
+#[test]
+fn the_gradient_through_the_adversarys_recurrence_is_that_of_finite_differences() {
+    use rand::SeedableRng;
+    use vibes_model::adversary::Adversary;
+    use vibes_model::{ModelConfig, ObservationKind};
+
+    let device = Device::flex().autodiff();
+    let options = Options::resolve("tiny", &[]).expect("a preset");
+    let sizes = crate::bench::Sizes { picture: 16, actions: 2, repeats: 1 };
+    let kind = ObservationKind::Vector { len: 3 };
+    let config = ModelConfig { hidden: 16, latent: 4, ..options.model(&crate::bench::made_up_spec(sizes), kind, 1.0) };
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+    let adversary = Adversary::init(&config, &mut rng, &device).expect("an adversary");
+    let [length, batch] = [6, 3];
+    let mut random = |width: usize| {
+        let values = vibes_model::init::normal(length * batch * width, &mut rng);
+        Tensor::<3>::from_data(TensorData::new(values, [length, batch, width]), &device)
+    };
+    let (features, actions, next) = (random(16), random(2), random(4) * 0.3);
+    let latents = random(4);
+    let log_likelihood =
+        |latents: Tensor<3>| adversary.forward(features.clone(), latents, actions.clone()).log_prob(next.clone()).sum();
+    let leaf = latents.clone().require_grad();
+    let grads = log_likelihood(leaf.clone()).backward();
+    let gradient = to_values(leaf.grad(&grads).expect("a gradient"));
+    let values = to_values(latents);
+    // The last step's latent has a gradient through one step only, the first's through all six.
+    for index in 0..values.len() {
+        let at = |step: f32| {
+            let mut moved = values.clone();
+            moved[index] += step;
+            let moved = Tensor::<3>::from_data(TensorData::new(moved, [length, batch, 4]), &device);
+            f64::from(log_likelihood(moved).into_scalar::<f32>())
+        };
+        const STEP: f32 = 0.01;
+        let wanted = (at(STEP) - at(-STEP)) / f64::from(2.0 * STEP);
+        let error = (f64::from(gradient[index]) - wanted).abs() / wanted.abs().max(1.0);
+        assert!(error < 0.03, "latent {index}: {} against {wanted}", gradient[index]);
+    }
+    assert!(gradient[..4].iter().any(|x| x.abs() > 1e-3), "the first step reaches the last: {gradient:?}");
 }

@@ -1,0 +1,64 @@
+//! Terms that may stand beside any objective of the world model: what forces the latents to hold more than one step of the paper's two terms does. In: a scene.
+//! Out: a log-likelihood, added to the objective by its weight. The paper has none of them; each file says why it is here.
+//!
+//! To add one: a file beside `inverse.rs` with a unit struct that implements [`Auxiliary`], and one line in [`REGISTRY`]. Its options become flags and entries
+//! of `config.toml`, its head is built, saved and trained with the world model, and its log-likelihood is in the metrics under its name.
+
+use std::fmt;
+
+use burn::tensor::Tensor;
+use rand_chacha::ChaCha8Rng;
+use vibes_model::HeadConfig;
+
+use super::scene::Scene;
+use crate::error::Result;
+use crate::options::Options;
+use crate::options::own::Declared;
+
+pub mod inverse;
+pub mod latent_ahead;
+pub mod reward_ahead;
+
+/// Every auxiliary term.
+pub const REGISTRY: [&dyn Auxiliary; 3] = [&inverse::Inverse, &reward_ahead::RewardAhead, &latent_ahead::LatentAhead];
+
+/// What a term says about itself.
+pub trait Auxiliary: fmt::Debug + Sync {
+    /// The name of its log-likelihood in the metrics.
+    fn metric(&self) -> &'static str;
+
+    /// Its options.
+    fn options(&self) -> &'static [Declared];
+
+    /// Its weight in the objective; at 0 it is neither built nor computed.
+    fn weight(&self, options: &Options) -> f64;
+
+    /// The head it needs, if it needs one; `actions` is the number of values of an action.
+    fn head(&self, _options: &Options, _actions: usize) -> Option<HeadConfig> {
+        None
+    }
+
+    /// Steps it looks ahead of a row without pictures.
+    fn steps_ahead(&self, _options: &Options) -> usize {
+        0
+    }
+
+    /// Its log-likelihood, nats a row, to be maximised: `[1]`
+    ///
+    /// # Errors
+    /// The model has no head for it.
+    fn value(&self, scene: &Scene<'_>, rng: &mut ChaCha8Rng) -> Result<Tensor<1>>;
+}
+
+/// The terms that these options ask for.
+pub fn asked(options: &Options) -> impl Iterator<Item = &'static dyn Auxiliary> + '_ {
+    REGISTRY.into_iter().filter(|term| term.weight(options) > 0.0)
+}
+
+/// How far ahead the terms asked for look without pictures.
+pub fn steps_ahead(options: &Options) -> usize {
+    asked(options).map(|term| term.steps_ahead(options)).max().unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,59 @@
+//! The latents of the next `K` steps, told from (h_t, s_t) and the actions taken, without a picture on the way. The paper predicts one step.
+//!
+//! ```text
+//! 1/(N K) Σ_t Σ_k log p_θ(s_t+k | h_t+k run ahead under the recorded actions),   targets s_t+k without gradient
+//! ```
+//!
+//! The targets are held fixed, as in self-predictive representations (SPR, TD-MPC): the term asks the start to hold what its future needs, and never asks the
+//! future to be easier to predict.
+
+use burn::tensor::Tensor;
+use rand_chacha::ChaCha8Rng;
+
+use super::{Auxiliary, steps_ahead};
+use crate::error::Result;
+use crate::learners::rollout::rows;
+use crate::learners::scene::Scene;
+use crate::options::Options;
+use crate::options::own::{Declared, Kind};
+
+/// The term.
+#[derive(Debug)]
+pub struct LatentAhead;
+
+/// How far ahead.
+pub const STEPS: Declared = Declared {
+    flag: "latent-steps",
+    kind: Kind::Whole { default: 0 },
+    help: "Steps ahead that latents are predicted from (h, s) under the recorded actions; 0 leaves it out (the paper predicts one)",
+};
+
+/// Weight of the term.
+pub const WEIGHT: Declared =
+    Declared { flag: "latent-steps-weight", kind: Kind::Number { default: 0.1 }, help: "Weight of --latent-steps" };
+
+impl Auxiliary for LatentAhead {
+    fn metric(&self) -> &'static str {
+        "latent_ahead_log_likelihood"
+    }
+
+    fn options(&self) -> &'static [Declared] {
+        &[STEPS, WEIGHT]
+    }
+
+    fn weight(&self, options: &Options) -> f64 {
+        if options.own.whole(&STEPS) == 0 { 0.0 } else { options.own.number(&WEIGHT) }
+    }
+
+    fn steps_ahead(&self, options: &Options) -> usize {
+        options.own.whole(&STEPS) as usize
+    }
+
+    fn value(&self, scene: &Scene<'_>, _rng: &mut ChaCha8Rng) -> Result<Tensor<1>> {
+        let rollout = scene.rollout(steps_ahead(scene.options));
+        let targets = scene.latents.clone().detach();
+        Ok(rollout.mean(self.steps_ahead(scene.options), |step, latent| {
+            latent.log_prob(rows(&targets, step, rollout.starts))
+        }))
+    }
+}

@@ -1,0 +1,61 @@
+//! The rewards of the next `K` steps, told from (h_t, s_t) and the actions taken, without a picture on the way. The paper lacks it.
+//!
+//! ```text
+//! 1/(N K) Σ_t Σ_k log p_θ(r_t+k | ŝ_t+k, a_t+k),   ŝ from the dynamics run ahead under the recorded actions
+//! ```
+//!
+//! A bisimulation implies it: where one step of latents and rewards is right, so are all. Learned from one step alone it comes late or not at all, because the side of a
+//! pole, say, shows in the reward only some steps after the action.
+
+use burn::tensor::Tensor;
+use rand_chacha::ChaCha8Rng;
+
+use super::{Auxiliary, steps_ahead};
+use crate::error::Result;
+use crate::learners::rollout::rows;
+use crate::learners::scene::Scene;
+use crate::options::Options;
+use crate::options::own::{Declared, Kind};
+
+/// The term.
+#[derive(Debug)]
+pub struct RewardAhead;
+
+/// How far ahead.
+pub const STEPS: Declared = Declared {
+    flag: "reward-steps",
+    kind: Kind::Whole { default: 0 },
+    help: "Steps ahead that rewards are predicted from (h, s) under the recorded actions; 0 leaves it out (the paper lacks it)",
+};
+
+/// Weight of the term.
+pub const WEIGHT: Declared =
+    Declared { flag: "reward-steps-weight", kind: Kind::Number { default: 0.3 }, help: "Weight of --reward-steps" };
+
+impl Auxiliary for RewardAhead {
+    fn metric(&self) -> &'static str {
+        "reward_ahead_log_likelihood"
+    }
+
+    fn options(&self) -> &'static [Declared] {
+        &[STEPS, WEIGHT]
+    }
+
+    fn weight(&self, options: &Options) -> f64 {
+        if options.own.whole(&STEPS) == 0 { 0.0 } else { options.own.number(&WEIGHT) }
+    }
+
+    fn steps_ahead(&self, options: &Options) -> usize {
+        options.own.whole(&STEPS) as usize
+    }
+
+    fn value(&self, scene: &Scene<'_>, _rng: &mut ChaCha8Rng) -> Result<Tensor<1>> {
+        let rollout = scene.rollout(steps_ahead(scene.options));
+        let (reach, starts) = (self.steps_ahead(scene.options), rollout.starts);
+        Ok(rollout.mean(reach, |step, latent| {
+            let actions = rows(&scene.batch.actions, step, starts);
+            let prediction = scene.world.reward.forward(latent.mean.clone(), actions);
+            prediction.log_prob(rows(&scene.batch.rewards, step, starts))
+        }))
+    }
+}

@@ -1,0 +1,149 @@
+//! Auxiliary terms against the same sums made one window, one start and one step at a time.
+
+use burn::tensor::{Device, Tensor};
+use rand::SeedableRng;
+use toml::Table;
+use vibes_model::parameters::{read_parameters, to_values};
+use vibes_model::{Model, ObservationKind};
+
+use super::*;
+use crate::batch::Batch;
+use crate::bench::{Sizes, made_up_spec, made_up_windows};
+use crate::learners::world::Learner;
+
+const SIZES: Sizes = Sizes { picture: 16, actions: 2, repeats: 1 };
+const TERMS: &str = "inverse_weight = 1.0\ninverse_steps = 3\nreward_steps = 3\nreward_steps_weight = 0.5\nlatent_steps = 2\nburn_in = 2\nlength = 6";
+
+fn made_up(text: &str) -> (Model, Batch, Options) {
+    let options = Options::resolve("tiny", &[("the test", text.parse::<Table>().unwrap())]).unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let kind = ObservationKind::Pixels { height: 16, width: 16 };
+    let config = options.model(&made_up_spec(SIZES), kind, 1.0);
+    let device = Device::flex();
+    let model = Model::init(config, &mut rng, &device).unwrap();
+    let windows = made_up_windows(&options, SIZES, &mut rng);
+    let batch = Batch::new(&windows, &model.config, options.burn_in, &device.autodiff()).unwrap();
+    (model, batch, options)
+}
+
+fn cell(x: &Tensor<3>, t: usize, b: usize) -> Tensor<3> {
+    x.clone().narrow(0, t, 1).narrow(1, b, 1)
+}
+
+fn number(x: Tensor<1>) -> f64 {
+    f64::from(x.into_scalar::<f32>())
+}
+
+/// `(h_t, s_t)` of one window, from its beginning.
+fn policy_state(scene: &Scene<'_>, t: usize, b: usize) -> (Tensor<2>, Tensor<3>) {
+    let mut state = Tensor::<2>::zeros([1, scene.options.hidden], &scene.latents.device());
+    for before in 0..t {
+        let (latent, action) = (cell(&scene.latents, before, b), cell(&scene.batch.actions, before, b));
+        state = scene.world.dynamics.forward(latent, action, Some(state)).1.squeeze_dim::<2>(0);
+    }
+    (state, cell(&scene.latents, t, b))
+}
+
+#[test]
+fn rewards_and_latents_ahead_are_those_of_single_steps() {
+    let (model, batch, options) = made_up(TERMS);
+    let learner = Learner::new(model, &options, &Device::flex());
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let schedule = options.schedule(0, Some(0));
+    let Model { config, world, .. } = &learner.model;
+    let scene = Scene::new((world, config), &batch, (&options, schedule), &mut rng, &Device::flex()).unwrap();
+    let (mut reward, mut latents, mut starts) = (0.0, 0.0, 0);
+    // The longest of the terms looks three steps ahead of six rows, and the first two rows only warm up.
+    for (t, b) in (2..3).flat_map(|t| (0..options.batch).map(move |b| (t, b))) {
+        starts += 1;
+        let (mut state, mut latent) = policy_state(&scene, t, b);
+        for k in 1..=3 {
+            let (next, after) = world.dynamics.forward(latent, cell(&batch.actions, t + k - 1, b), Some(state));
+            state = after.squeeze_dim::<2>(0);
+            if k <= 2 {
+                latents += number(next.log_prob(cell(&scene.latents, t + k, b)).sum());
+            }
+            latent = next.mean;
+            let predicted = world.reward.forward(latent.clone(), cell(&batch.actions, t + k, b));
+            reward += number(predicted.log_prob(cell(&batch.rewards, t + k, b)).sum());
+        }
+    }
+    let found = number(reward_ahead::RewardAhead.value(&scene, &mut rng).unwrap());
+    let wanted = reward / f64::from(3 * starts);
+    assert!((found - wanted).abs() < 1e-4 * wanted.abs(), "{found} against {wanted}");
+    let found = number(latent_ahead::LatentAhead.value(&scene, &mut rng).unwrap());
+    let wanted = latents / f64::from(2 * starts);
+    assert!((found - wanted).abs() < 1e-4 * wanted.abs(), "{found} against {wanted}");
+}
+
+#[test]
+fn the_inverse_sees_where_it_stood_and_where_it_was_later() {
+    let (model, batch, options) = made_up(TERMS);
+    let learner = Learner::new(model, &options, &Device::flex());
+    let schedule = options.schedule(0, Some(0));
+    let Model { config, world, .. } = &learner.model;
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let scene = Scene::new((world, config), &batch, (&options, schedule), &mut rng, &Device::flex()).unwrap();
+    let steps = rand::Rng::random_range(&mut ChaCha8Rng::seed_from_u64(11), 1..=3_usize);
+    let found = number(inverse::Inverse.value(&scene, &mut ChaCha8Rng::seed_from_u64(11)).unwrap());
+    let (mut sum, mut count) = (0.0, 0);
+    for (t, b) in (2..6 - steps).flat_map(|t| (0..options.batch).map(move |b| (t, b))) {
+        let (state, latent) = policy_state(&scene, t, b);
+        let distance: Vec<f32> = (1..=3).map(|k| if k == steps { 1.0 } else { 0.0 }).collect();
+        let distance = Tensor::<1>::from_floats(&distance[..], &state.device()).reshape([1, 1, 3]);
+        let features = vec![state.unsqueeze_dim::<3>(0), latent, cell(&scene.latents, t + steps, b), distance];
+        let output = to_values(world.head("inverse").unwrap().forward(Tensor::cat(features, 2)));
+        let action = to_values(cell(&batch.actions, t, b));
+        for axis in 0..2 {
+            let std = f64::from(output[2 + axis]).exp().ln_1p() + 0.1;
+            let distance = (f64::from(action[axis]) - f64::from(output[axis])) / std;
+            sum += -0.5 * distance * distance - std.ln() - 0.5 * std::f64::consts::TAU.ln();
+        }
+        count += 1;
+    }
+    let wanted = sum / f64::from(count);
+    assert!((found - wanted).abs() < 1e-4 * wanted.abs().max(1.0), "{found} against {wanted}");
+}
+
+#[test]
+fn a_term_that_is_not_asked_for_is_neither_built_nor_stated() {
+    let (model, batch, options) = made_up("");
+    assert!(!model.config.heads.iter().any(|head| head.name == "inverse"));
+    let schedule = options.schedule(0, Some(0));
+    let learner = Learner::new(model, &options, &Device::flex());
+    let (_, measures) = learner.update(&batch, schedule, &options, &mut ChaCha8Rng::seed_from_u64(1)).unwrap();
+    for term in REGISTRY {
+        assert!(!measures.stated.contains_key(term.metric()), "{}", term.metric());
+    }
+}
+
+#[test]
+fn every_term_learns_one_batch_beside_every_objective_and_reaches_the_encoder() {
+    for objective in crate::learners::objective::Objective::all() {
+        let text = format!("objective = '{objective}'\nlr = 0.002\n{TERMS}");
+        let (model, batch, options) = made_up(&text);
+        let mut learner = Learner::new(model, &options, &Device::flex());
+        let mut rng = ChaCha8Rng::seed_from_u64(6);
+        let mut stated = Vec::new();
+        for _ in 0..120 {
+            let (next, measures) = learner.update(&batch, options.schedule(0, Some(0)), &options, &mut rng).unwrap();
+            learner = next;
+            stated.push(measures.stated);
+        }
+        for term in REGISTRY {
+            let mean = |rows: &[std::collections::BTreeMap<&str, f32>]| {
+                rows.iter().map(|row| row[term.metric()]).sum::<f32>() / rows.len() as f32
+            };
+            let (first, last) = (mean(&stated[..10]), mean(&stated[110..]));
+            assert!(last > first, "{objective}, {}: {first} to {last}", term.metric());
+        }
+    }
+    // With all else still, the weight of a term changes the encoder's step.
+    let encoder_after = |weight: &str| {
+        let (model, batch, options) = made_up(&TERMS.replace("inverse_weight = 1.0", weight));
+        let learner = Learner::new(model, &options, &Device::flex());
+        let made = learner.update(&batch, options.schedule(0, Some(0)), &options, &mut ChaCha8Rng::seed_from_u64(6));
+        read_parameters(&made.unwrap().0.model.world.encoder, "")
+    };
+    assert_ne!(encoder_after("inverse_weight = 1.0"), encoder_after("inverse_weight = 2.0"));
+}

@@ -1,0 +1,59 @@
+//! The dynamics run ahead without pictures, under the recorded actions. In: a scene. Out: for each step ahead, the predicted latents of all starts at once.
+//!
+//! ```text
+//! start (h_t, s_t);   h_t+k+1 = f(h_t+k, s_t+k, a_t+k),   s_t+k+1 = mean of p_θ(· | h_t+k+1)
+//! ```
+
+use burn::tensor::Tensor;
+use vibes_model::gaussian::Gaussian;
+
+use super::scene::Scene;
+
+/// Predictions of all steps ahead; `N` is the number of starts, `starts · batch`.
+#[derive(Debug)]
+pub struct Rollout {
+    /// First rows of a window that are starts: all that have as many rows after them as there are steps.
+    pub starts: usize,
+    /// The latent after 1, 2, … steps, as distributions `[1, N, …]`.
+    pub latents: Vec<Gaussian>,
+    /// 1 where a start counts: `[1, N, 1]`
+    pub counted: Tensor<3>,
+}
+
+/// Rolls the dynamics `steps` steps ahead, at most as many as leave one start in a window.
+pub fn roll(scene: &Scene<'_>, steps: usize) -> Rollout {
+    let steps = steps.min(scene.batch.length - 1);
+    let starts = scene.batch.length - steps;
+    let mut state = rows(scene.states(), 0, starts).squeeze_dim::<2>(0);
+    let mut latent = rows(&scene.latents, 0, starts);
+    let mut latents = Vec::with_capacity(steps);
+    for step in 0..steps {
+        let (next, states) =
+            scene.world.dynamics.forward(latent, rows(&scene.batch.actions, step, starts), Some(state));
+        state = states.squeeze_dim::<2>(0);
+        latent = next.mean.clone();
+        latents.push(next);
+    }
+    Rollout { starts, latents, counted: rows(&scene.batch.counted, 0, starts) }
+}
+
+/// Rows `from..from + count` of every window, side by side: `[1, count · batch, …]`.
+pub fn rows(x: &Tensor<3>, from: usize, count: usize) -> Tensor<3> {
+    let [_, batch, width] = x.dims();
+    x.clone().narrow(0, from, count).reshape([1, count * batch, width])
+}
+
+impl Rollout {
+    /// Mean over the first `reach` steps and the starts that count of a log-likelihood per start, `[1, N, …]`, asked for by how many steps ahead it is; 0 where no
+    /// start counts.
+    pub fn mean(&self, reach: usize, of_step: impl Fn(usize, &Gaussian) -> Tensor<3>) -> Tensor<1> {
+        let reach = reach.min(self.latents.len());
+        let ahead = self.latents[..reach].iter().enumerate();
+        let sums = ahead.map(|(before, latent)| (of_step(before + 1, latent) * self.counted.clone()).sum());
+        let count = self.counted.clone().sum().clamp_min(1.0) * reach.max(1) as f32;
+        match sums.reduce(|sum, next| sum + next) {
+            Some(sum) => sum / count,
+            None => count * 0.0,
+        }
+    }
+}
