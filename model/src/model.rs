@@ -33,6 +33,14 @@ pub struct World {
 }
 
 impl World {
+    /// The world model with its head `name`, if it has one, replaced by what `change` makes of it.
+    pub fn with_head(mut self, name: &str, change: impl FnOnce(&Reward, Mlp) -> Mlp) -> Self {
+        if let Some(head) = self.heads.iter_mut().find(|head| head.name() == name) {
+            head.mlp = change(&self.reward, head.mlp.clone());
+        }
+        self
+    }
+
     /// The head `name`.
     ///
     /// # Errors

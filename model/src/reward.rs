@@ -28,17 +28,21 @@ impl Reward {
 
     /// The model that predicts the mean and standard deviation of these rewards whatever it sees, and learns from there. Otherwise the first thing
     /// it learns is their mean, and it learns it by pulling all latents to one point.
-    pub fn calibrated(mut self, rewards: &[f32]) -> Self {
+    pub fn calibrated(self, rewards: &[f32]) -> Self {
+        Self { head: self.calibrated_head(self.head.clone(), rewards), ..self }
+    }
+
+    /// A perceptron of two outputs that makes the same prediction through [`Reward::gaussian`], whatever it sees.
+    pub fn calibrated_head(&self, head: Mlp, rewards: &[f32]) -> Mlp {
         let count = rewards.len().max(1) as f32;
         let mean = rewards.iter().sum::<f32>() / count;
         let std = (rewards.iter().map(|reward| (reward - mean).powi(2)).sum::<f32>() / count).sqrt();
         // The inverse of softplus, where the floor leaves anything to invert.
         let above = ((std - self.floor) / self.scale).max(1e-3);
-        self.head = self.head.silenced();
-        let bias = self.head.last.bias.clone();
-        self.head.last.bias =
-            bias.map(|bias| Tensor::from_data([mean / self.scale, above.exp_m1().ln()], &bias.device()));
-        self
+        let mut head = head.silenced();
+        let start = [mean / self.scale, above.exp_m1().ln()];
+        head.last.bias = head.last.bias.map(|bias| Tensor::from_data(start, &bias.device()));
+        head
     }
 
     /// # Shapes

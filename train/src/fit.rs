@@ -263,6 +263,7 @@ fn begin(run: &Run, recordings: &[Recording], device: &Device) -> Result<(Learne
         let windows = calibration(recordings, options)?;
         let batch = Batch::new(&windows, &model.config, options.burn_in, device)?;
         model = model.calibrated(batch.frames, batch.previous_actions, &windows.rewards)?;
+        model.world = options.objective.calibrated(model.world, &windows.rewards);
     }
     Ok((Learner::new(model, options, device), State::default()))
 }

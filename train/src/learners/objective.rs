@@ -16,8 +16,8 @@ use std::str::FromStr;
 
 use burn::tensor::Tensor;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use vibes_model::HeadConfig;
 use vibes_model::adversary::Adversary;
+use vibes_model::{HeadConfig, World};
 
 use super::optimizer::Optimizer;
 use super::scene::Scene;
@@ -52,6 +52,11 @@ pub trait Definition: fmt::Debug + Sync {
     /// What must have been learned before the dynamics term's gradient reaches the encoder; without a condition it does from the first update on.
     fn gate(&self, _options: &Options) -> Option<Condition> {
         None
+    }
+
+    /// The world model with the first scale of this objective's own heads set by data; `rewards` are those of some windows.
+    fn calibrated(&self, world: World, _rewards: &[f32]) -> World {
+        world
     }
 
     /// Pictures that go through convolutions for one window of `length` rows.

@@ -5,7 +5,7 @@
 //! The head learns with the world model, in a term that reaches nothing else.
 
 use burn::tensor::Tensor;
-use vibes_model::HeadConfig;
+use vibes_model::{HeadConfig, World};
 
 use super::Value;
 use crate::error::Result;
@@ -24,6 +24,11 @@ impl ActionBaseline {
     /// Name and sizes of the head, for actions of so many values.
     pub fn head(actions: usize) -> HeadConfig {
         HeadConfig { name: Self::NAME.to_owned(), input: ACTIONS * actions, output: 2 }
+    }
+
+    /// The world model whose baseline begins with the rewards' own mean and standard deviation; otherwise the gate would open on what it has yet to learn.
+    pub fn calibrated(world: World, rewards: &[f32]) -> World {
+        world.with_head(Self::NAME, |reward, head| reward.calibrated_head(head, rewards))
     }
 
     /// The value with the baseline beside it, and its term added.

@@ -14,6 +14,7 @@
 
 use burn::module::Module;
 use burn::tensor::Tensor;
+use vibes_model::World;
 use vibes_model::adversary::Adversary;
 use vibes_model::gaussian::Gaussian;
 use vibes_model::observe::Frames;
@@ -81,6 +82,10 @@ impl Definition for Vibes {
 
     fn gate(&self, options: &Options) -> Option<Condition> {
         Some(Condition { start: options.dynamics_start, gain: options.dynamics_after })
+    }
+
+    fn calibrated(&self, world: World, rewards: &[f32]) -> World {
+        ActionBaseline::calibrated(world, rewards)
     }
 
     fn pictures(&self, length: usize) -> Pictures {
