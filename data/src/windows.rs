@@ -6,7 +6,7 @@
 
 use rand::Rng;
 
-use crate::{EpisodeView, Error, Recording, Result};
+use crate::{EpisodeView, Error, Recording, Result, Spec};
 
 /// Draws windows of one length from one or more recordings of the same spec.
 #[derive(Clone, Debug)]
@@ -54,19 +54,29 @@ impl WindowSampler {
     /// # Errors
     /// [`Error::WindowTooLong`] when none is, [`Error::Malformed`] for a damaged episode.
     pub fn new(recording: &Recording, length: usize) -> Result<Self> {
-        let spec = &recording.manifest().spec;
-        let sizes = Sizes { action: spec.action_len(), observation: spec.observation_len(), pixels: spec.pixels_len() };
-        let mut sampler = Self { episodes: Vec::new(), ends: Vec::new(), length: length.max(1), sizes };
-        for entry in recording.episodes().iter().filter(|entry| entry.steps as usize >= sampler.length) {
-            let windows = entry.steps as u64 - sampler.length as u64 + 1;
-            sampler.ends.push(sampler.windows() + windows);
-            sampler.episodes.push(recording.episode(entry.index)?);
+        let mut sampler = Self::growing(&recording.manifest().spec, length);
+        for entry in recording.episodes().iter().filter(|entry| entry.steps as usize >= length) {
+            sampler.admit(recording.episode(entry.index)?);
         }
         if sampler.episodes.is_empty() {
             let longest = recording.episodes().iter().map(|entry| entry.steps as usize).max().unwrap_or(0);
             return Err(Error::WindowTooLong { length, longest, path: recording.path().into() });
         }
         Ok(sampler)
+    }
+
+    /// A sampler of a recording that is still to grow: there are no windows before an episode is [admitted](Self::admit).
+    pub fn growing(spec: &Spec, length: usize) -> Self {
+        let sizes = Sizes { action: spec.action_len(), observation: spec.observation_len(), pixels: spec.pixels_len() };
+        Self { episodes: Vec::new(), ends: Vec::new(), length: length.max(1), sizes }
+    }
+
+    /// Takes in another episode of the same spec; one that is shorter than a window has none.
+    pub fn admit(&mut self, episode: EpisodeView) {
+        if let Some(more) = (episode.steps() + 1).checked_sub(self.length).filter(|&windows| windows > 0) {
+            self.ends.push(self.windows() + more as u64);
+            self.episodes.push(episode);
+        }
     }
 
     /// How many different windows there are.

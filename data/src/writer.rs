@@ -9,7 +9,7 @@ use crate::arrow_table::arrow_bytes;
 use crate::atomic::{PARTIAL, partial_path};
 use crate::mcap_log::mcap_bytes;
 use crate::recording::{EPISODES, MANIFEST, episode_path};
-use crate::{Episode, EpisodeEntry, Error, FileEntry, Manifest, Recording, Result, write_atomically};
+use crate::{Episode, EpisodeEntry, EpisodeView, Error, FileEntry, Manifest, Recording, Result, write_atomically};
 
 /// How often the manifest follows the episodes while a recording grows; at the end it is always complete.
 const MANIFEST_EVERY: Duration = Duration::from_secs(2);
@@ -154,6 +154,36 @@ impl RecordingWriter {
         }
         entry.arrow = self.put(episode.index, "arrow", &arrow)?;
         self.enlist(entry)
+    }
+
+    /// Maps an episode that is there.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when it is not, [`Error::Malformed`] when it is damaged.
+    pub fn episode(&self, index: u32) -> Result<EpisodeView> {
+        let spec = self.growing().manifest.spec.clone();
+        EpisodeView::open(&self.path.join(episode_path(index, "arrow")), &spec)
+    }
+
+    /// Removes every episode from number `first` on: those that a stopped program made after it last saved where it stood.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn remove_from(&self, first: u32) -> Result<()> {
+        let mut growing = self.growing();
+        let kept = growing.manifest.episodes.partition_point(|entry| entry.index < first);
+        let removed = growing.manifest.episodes.split_off(kept);
+        growing.manifest.write(&self.path.join(MANIFEST))?;
+        for file in removed.iter().flat_map(|entry| [Some(&entry.arrow), entry.mcap.as_ref()]).flatten() {
+            let path = self.path.join(&file.path);
+            match std::fs::remove_file(&path) {
+                Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(Error::io("remove", &path)(error));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
     }
 
     /// Completes the manifest.

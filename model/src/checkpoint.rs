@@ -90,6 +90,6 @@ pub fn load_tensors(path: &Path) -> Result<(HostTensors, HashMap<String, String>
     Ok((tensors, header.metadata().clone().unwrap_or_default()))
 }
 
-fn not_a_checkpoint(path: &Path, why: impl std::fmt::Display) -> ModelError {
+pub(crate) fn not_a_checkpoint(path: &Path, why: impl std::fmt::Display) -> ModelError {
     ModelError::NotACheckpoint { path: path.to_owned(), why: why.to_string() }
 }

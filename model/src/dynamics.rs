@@ -33,6 +33,11 @@ impl Dynamics {
         }
     }
 
+    /// Least standard deviation of a prediction.
+    pub(crate) fn floor(&self) -> f32 {
+        self.floor
+    }
+
     /// The distribution of the latent after each step.
     ///
     /// # Shapes

@@ -7,20 +7,28 @@
 //! | [`encoder`], [`dynamics`], [`reward`], [`adversary`], [`decoder`] | one network each |
 //! | [`heads`] | further predictions, by name |
 //! | [`observe`], [`cnn`], [`mlp`], [`gru`], [`linear`] | the layers they are made of |
+//! | [`actor`], [`actions`], [`critic`] | who acts, what is drawn, what it is worth |
+//! | [`imagine`], [`returns`] | acting in the learned dynamics, and the returns of it |
 //! | [`kernels`] | the operations that decide how long an update takes |
 //! | [`gaussian`] | the distributions they predict |
 //! | [`cross_entropy`] | the action a critic values most |
 //! | [`sac`], [`slow`] | the networks of agents without a world model, and slow copies |
+//! | [`agent`], [`behaviour`] | a trained agent at work; actor and critic together, and their file |
 //! | [`checkpoint`], [`parameters`] | weights on disk and by name |
 //! | [`encode`], [`scale`] | a trained encoder at work, and how raw numbers enter it |
 //!
 //! Tensors are time-major, `[length, batch, …]`, as in Algorithm 1 of the paper.
 
+pub mod actions;
+pub mod actor;
 pub mod adversary;
+pub mod agent;
+pub mod behaviour;
 pub mod checkpoint;
 pub mod cnn;
 pub mod config;
 pub mod cross_entropy;
+pub mod critic;
 pub mod decoder;
 pub mod dynamics;
 pub mod encode;
@@ -29,6 +37,7 @@ pub mod error;
 pub mod gaussian;
 pub mod gru;
 pub mod heads;
+pub mod imagine;
 pub mod init;
 pub mod kernels;
 pub mod linear;
@@ -36,10 +45,14 @@ pub mod mlp;
 pub mod model;
 pub mod observe;
 pub mod parameters;
+pub mod returns;
 pub mod reward;
 pub mod sac;
 pub mod scale;
 pub mod slow;
+
+#[cfg(test)]
+mod golden;
 
 pub use config::{ModelConfig, ObservationKind};
 pub use error::ModelError;

@@ -5,6 +5,7 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand::Rng;
 
+use crate::kernels::{self, LayerWeights};
 use crate::linear::{Linear, LinearConfig};
 
 /// Sizes of an [`Mlp`].
@@ -60,13 +61,27 @@ impl Mlp {
         self
     }
 
+    /// The network with the weights of its last layer scaled.
+    pub fn last_scaled(mut self, scale: f32) -> Self {
+        let last = self.last.clone();
+        self.last = Linear { weight: last.weight.map(|weight| weight * scale), bias: last.bias };
+        self
+    }
+
     /// # Shapes
     /// - `x`: `[…, input]`
     /// - output: `[…, output]`
     pub fn forward<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
-        let x = elu(self.first.forward(x));
-        let x = elu(self.second.forward(x));
-        self.last.forward(x)
+        let mut shape = x.dims();
+        let rows = shape[..D - 1].iter().product::<usize>();
+        let output = kernels::perceptron(x.reshape([rows, shape[D - 1]]), self.weights());
+        shape[D - 1] = output.dims()[1];
+        output.reshape(shape)
+    }
+
+    /// Weights and biases of its three layers.
+    pub fn weights(&self) -> [LayerWeights; 3] {
+        [&self.first, &self.second, &self.last].map(|layer| (layer.weight.val(), layer.bias.val()))
     }
 }
 

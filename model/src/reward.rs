@@ -45,6 +45,11 @@ impl Reward {
         head
     }
 
+    /// One unit of the head's output, in units of reward.
+    pub(crate) fn scale(&self) -> f32 {
+        1.0
+    }
+
     /// # Shapes
     /// - `latents`: `[length, batch, latent]`, `actions`: `[length, batch, A]`
     /// - output: mean and standard deviation, both `[length, batch, 1]`, in units of reward

@@ -11,6 +11,15 @@ pub fn actions(actions: &mut [f32], min: &[f32], max: &[f32]) {
     }
 }
 
+/// Actions from −1..1 to the task's bounds, in place; `actions` is `[…, A]`. The other way round of [`actions`].
+pub fn to_bounds(actions: &mut [f32], min: &[f32], max: &[f32]) {
+    for action in actions.chunks_exact_mut(min.len().max(1)) {
+        for ((value, low), high) in action.iter_mut().zip(min).zip(max) {
+            *value = low + 0.5 * (*value + 1.0) * (high - low);
+        }
+    }
+}
+
 /// `sign(x) ln(1 + |x|)`, in place: tames the large velocities of vector observations without knowing the data's scale. Open in the paper.
 pub fn symlog(values: &mut [f32]) {
     for value in values {

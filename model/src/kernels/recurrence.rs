@@ -4,6 +4,8 @@
 
 use burn::tensor::Tensor;
 
+pub(super) use gates::{exp, logistic, tanh};
+
 use super::instructions::Instructions;
 use super::plain;
 

@@ -5,7 +5,7 @@
 /// eˣ: 2ⁿ times a polynomial on |r| ≤ ln 2 / 2 (coefficients of Cephes' `expf`), saturating at both ends.
 #[inline(always)]
 #[allow(clippy::excessive_precision, reason = "the published coefficients")]
-fn exp(x: f32) -> f32 {
+pub(in crate::kernels) fn exp(x: f32) -> f32 {
     let x = x.clamp(-87.0, 88.0);
     // Rounds to the nearest integer: adding 1.5·2²³ leaves no bits for the fraction.
     let n = (x * std::f32::consts::LOG2_E + 12_582_912.0) - 12_582_912.0;
@@ -19,13 +19,13 @@ fn exp(x: f32) -> f32 {
 
 /// 1 / (1 + e⁻ˣ)
 #[inline(always)]
-pub(super) fn logistic(x: f32) -> f32 {
+pub(in crate::kernels) fn logistic(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }
 
 /// Hyperbolic tangent; near zero by its series, where the quotient would cancel.
 #[inline(always)]
-pub(super) fn tanh(x: f32) -> f32 {
+pub(in crate::kernels) fn tanh(x: f32) -> f32 {
     let square = x * x;
     let near = x * (1.0 + square * (-1.0 / 3.0 + square * (2.0 / 15.0 - square * (17.0 / 315.0))));
     let far = 1.0 - 2.0 / (exp(2.0 * x) + 1.0);
