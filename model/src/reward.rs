@@ -47,7 +47,7 @@ impl Reward {
 
     /// One unit of the head's output, in units of reward.
     pub(crate) fn scale(&self) -> f32 {
-        1.0
+        self.scale
     }
 
     /// # Shapes

@@ -18,6 +18,8 @@ mod evaluate;
 mod flags;
 mod info;
 mod offline;
+mod online;
+mod online_progress;
 mod progress;
 
 /// Fit VIBES and its ablations to recordings, and encode recordings into latents.
@@ -51,6 +53,8 @@ struct Context {
 enum Command {
     /// Train on recordings; a run that is there goes on where it stopped.
     Offline(offline::OfflineArgs),
+    /// Train in the environment, from nothing or on from an offline run; a run that is there goes on where it stopped.
+    Online(Box<online::OnlineArgs>),
     /// Write the latents of a recording (posterior means of every row).
     Encode(encode::EncodeArgs),
     /// Measure how good a run's latents are, on a held-out grid.
@@ -66,6 +70,7 @@ pub(crate) fn run() -> ExitCode {
     let cli = Cli::parse();
     let outcome = match cli.command {
         Command::Offline(args) => offline::run(&cli.context, args),
+        Command::Online(args) => online::run(&cli.context, &args),
         Command::Encode(args) => encode::run(&cli.context, &args),
         Command::Evaluate(args) => evaluate::run(&cli.context, &args),
         Command::Info(args) => info::run(&cli.context, &args),

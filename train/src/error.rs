@@ -107,6 +107,14 @@ pub enum TrainError {
         /// Its value.
         value: f32,
     },
+    /// The thread that acts is gone.
+    #[error(
+        "the thread that acts in the environment stopped; everything up to the last checkpoint is kept; run the same command again"
+    )]
+    NoActor,
+    /// The world that is acted in is not as asked.
+    #[error(transparent)]
+    World(#[from] vibes_env::Error),
     /// The thread that gathers windows is gone.
     #[error("the thread that gathers windows stopped; run the same command again")]
     NoWindows,

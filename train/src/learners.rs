@@ -5,6 +5,7 @@
 
 pub mod auxiliary;
 pub mod losses;
+pub mod behaviour;
 pub mod objective;
 pub mod optimizer;
 pub mod rollout;

@@ -1,4 +1,4 @@
-//! Training VIBES and its ablations: objectives, the update of Algorithm 1, the offline loop, and the run folder it fills.
+//! Training VIBES and its ablations: objectives, the update of Algorithm 1, actor and critic, the offline and the online loop, and the run folder they fill.
 //!
 //! | module | what it holds |
 //! |---|---|
@@ -6,7 +6,9 @@
 //! | [`windows`], [`batch`] | windows gathered ahead of time, and as tensors |
 //! | [`learners`] | objectives and auxiliary terms, one file each; one update of Algorithm 1; Adam |
 //! | [`gate`] | when the dynamics term begins to reach the encoder |
-//! | [`prepare`], [`fit`] | the run folder begun or found; the one loop |
+//! | [`prepare`], [`session`] | the run folder begun or found; what every loop shares |
+//! | [`fit`], [`online`] | the two loops: on recordings, and in the environment |
+//! | [`replay`] | what online training has lived through |
 //! | [`run`], [`metrics`], [`vibes_measure::spectrum`] | the run folder, its numbers over time |
 //! | [`mod@summary`], [`tensorboard`] | those numbers on one page, and for TensorBoard |
 //! | [`encode`] | a trained run's latents of a recording |
@@ -22,9 +24,12 @@ pub mod fit;
 pub mod gate;
 pub mod learners;
 pub mod metrics;
+pub mod online;
 pub mod options;
 pub mod prepare;
+pub mod replay;
 pub mod run;
+pub mod session;
 pub mod summary;
 pub mod tensorboard;
 pub mod windows;

@@ -141,7 +141,15 @@ impl Options {
             let names = PRESETS.map(|(name, _)| name).join(", ");
             TrainError::Options(format!("no preset `{name}`; there are {names}"))
         })?;
-        let mut table = Table::try_from((preset.1)()).map_err(|error| TrainError::Options(error.to_string()))?;
+        (preset.1)().with(layers)
+    }
+
+    /// These options with the entries of `layers` laid over them.
+    ///
+    /// # Errors
+    /// An unknown option, or a value that cannot be.
+    pub fn with(&self, layers: &[(&str, Table)]) -> Result<Self> {
+        let mut table = Table::try_from(self).map_err(|error| TrainError::Options(error.to_string()))?;
         for (place, layer) in layers {
             for (key, value) in layer {
                 known(key, &table, place)?;

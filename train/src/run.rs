@@ -217,11 +217,11 @@ impl Run {
         Ok(self.checkpoint_path(newest).join("model.safetensors"))
     }
 
-    /// Saves a checkpoint, whole or not at all, and lets go of the oldest beyond those to keep.
+    /// Saves a checkpoint, with whatever `more` writes into its folder, whole or not at all, and lets go of the oldest beyond those to keep.
     ///
     /// # Errors
     /// The folder cannot be written.
-    pub fn save(&self, learner: &Learner, state: State) -> Result<()> {
+    pub fn save(&self, learner: &Learner, state: State, more: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
         let (place, partial) = (self.checkpoint_path(state.update), self.path.join("checkpoints/.partial"));
         if partial.exists() {
             fs::remove_dir_all(&partial).map_err(io("remove", &partial))?;
@@ -232,6 +232,7 @@ impl Run {
         moments.extend(learner.adversary_optimizer.to_tensors("adversary"));
         save_tensors(&partial.join("optimizer.safetensors"), &moments, HashMap::new())?;
         write_json(&partial.join("state.json"), &state)?;
+        more(&partial)?;
         if place.exists() {
             fs::remove_dir_all(&place).map_err(io("remove", &place))?;
         }
@@ -272,6 +273,24 @@ impl Run {
         Ok((learner, State { update: 0, seconds: 0.0, carried: before.carried + before.update, ..before }))
     }
 
+    /// The recordings it learned from.
+    ///
+    /// # Errors
+    /// One of them is not where it was.
+    pub fn open_recordings(&self) -> Result<Vec<vibes_data::Recording>> {
+        self.info.recordings.iter().map(|path| Ok(vibes_data::Recording::open(path)?)).collect()
+    }
+
+    /// A number that is none, said with the update it was met in and where to go on; other errors as they are.
+    pub fn diverged(&self, error: TrainError, update: u64) -> TrainError {
+        match error {
+            TrainError::NotFinite { what, value } => {
+                TrainError::Diverged { update: update + 1, what, value, run: self.path.clone() }
+            }
+            other => other,
+        }
+    }
+
     fn let_go(&self) -> Result<()> {
         let numbers = self.checkpoints();
         let surplus = numbers.len().saturating_sub(self.info.options.keep);
@@ -309,7 +328,7 @@ pub fn versions() -> BTreeMap<String, String> {
     versions.into_iter().map(|(name, version)| (name.to_owned(), version.to_owned())).collect()
 }
 
-fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
+pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     let text =
         serde_json::to_string_pretty(value).map_err(|error| malformed(path, error, "values that JSON can hold"))?;
     Ok(write_atomically(path, (text + "\n").as_bytes())?)

@@ -24,18 +24,39 @@ pub enum Purpose {
     Noise,
     /// Choosing the windows that set the first scales.
     Calibration,
+    /// Imagined actions and latents.
+    Imagination,
+    /// Latents imagined along recorded actions.
+    Foresight,
 }
 
 impl Purpose {
     const COUNT: u64 = 3;
+
+    /// Its stream at an update; stream 0 is the first weights'. What came later has streams of its own, so that the older ones stay as they were.
+    fn stream(self, update: u64) -> u64 {
+        match self {
+            Self::Windows | Self::Noise | Self::Calibration => 1 + Self::COUNT * update + self as u64,
+            Self::Imagination => (1 << 60) + update,
+            Self::Foresight => (1 << 61) + update,
+        }
+    }
 }
 
 /// The generator of one update.
 pub fn update_rng(seed: u64, update: u64, purpose: Purpose) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    // Stream 0 is the first weights'.
-    rng.set_stream(1 + Purpose::COUNT * update + purpose as u64);
+    rng.set_stream(purpose.stream(update));
     rng
+}
+
+/// What the windows of updates are drawn from.
+pub trait Source: Sync {
+    /// The windows of one update.
+    fn sample(&self, rng: &mut impl Rng) -> WindowBatch;
+
+    /// Gives the memory of the recordings' pages back until they are looked at again.
+    fn release(&self);
 }
 
 /// Draws windows from one or more recordings; every window of every recording is equally likely.
@@ -56,16 +77,11 @@ impl Windows {
         Ok(Self { samplers, batch })
     }
 
-    /// Gives the memory of the recordings' pages back until they are looked at again.
-    pub fn release(&self) {
-        self.samplers.iter().for_each(WindowSampler::release);
-    }
-
-    /// The windows of one update.
-    pub fn sample(&self, rng: &mut impl Rng) -> WindowBatch {
+    /// So many windows.
+    pub fn draw(&self, batch: usize, rng: &mut impl Rng) -> WindowBatch {
         let total: u64 = self.samplers.iter().map(WindowSampler::windows).sum();
         let mut counts = vec![0; self.samplers.len()];
-        for _ in 0..self.batch {
+        for _ in 0..batch {
             let mut window = rng.random_range(0..total);
             for (count, sampler) in counts.iter_mut().zip(&self.samplers) {
                 if window < sampler.windows() {
@@ -80,8 +96,18 @@ impl Windows {
     }
 }
 
+impl Source for Windows {
+    fn sample(&self, rng: &mut impl Rng) -> WindowBatch {
+        self.draw(self.batch, rng)
+    }
+
+    fn release(&self) {
+        self.samplers.iter().for_each(WindowSampler::release);
+    }
+}
+
 /// Joins batches of the same length along their batch axis.
-fn side_by_side(mut parts: Vec<WindowBatch>) -> WindowBatch {
+pub(crate) fn side_by_side(mut parts: Vec<WindowBatch>) -> WindowBatch {
     if parts.len() == 1 {
         return parts.remove(0);
     }
@@ -116,7 +142,7 @@ impl Prefetch {
     /// Begins to gather.
     pub fn start<'scope>(
         scope: &'scope Scope<'scope, '_>,
-        windows: &'scope Windows,
+        windows: &'scope impl Source,
         seed: u64,
         updates: std::ops::Range<u64>,
     ) -> Self {

@@ -130,16 +130,30 @@ struct OptionFlags {
 impl OptionArgs {
     /// The preset, the file, the flags: each over what came before.
     pub(crate) fn resolve(&self) -> Result<Options> {
+        let layers = self.layers()?;
+        Ok(Options::resolve(&self.preset, &by_name(&layers))?)
+    }
+
+    /// The file and the flags over other options than a preset's.
+    pub(crate) fn over(&self, options: &Options) -> Result<Options> {
+        let layers = self.layers()?;
+        Ok(options.with(&by_name(&layers))?)
+    }
+
+    fn layers(&self) -> Result<Vec<(String, Table)>> {
         let mut layers = Vec::new();
-        let name = self.config.as_ref().map(|path| path.display().to_string()).unwrap_or_default();
         if let Some(path) = &self.config {
-            layers.push((name.as_str(), Options::read_table(path)?));
+            layers.push((path.display().to_string(), Options::read_table(path)?));
         }
         let mut typed = Table::try_from(&self.flags).context("the arguments cannot be written as TOML")?;
         typed.extend(self.own.0.clone());
-        layers.push(("the arguments", typed));
-        Ok(Options::resolve(&self.preset, &layers)?)
+        layers.push(("the arguments".to_owned(), typed));
+        Ok(layers)
     }
+}
+
+fn by_name(layers: &[(String, Table)]) -> Vec<(&str, Table)> {
+    layers.iter().map(|(name, table)| (name.as_str(), table.clone())).collect()
 }
 
 /// Flags of the options that objectives and auxiliary terms declare for themselves; holds those that were typed.

@@ -86,7 +86,7 @@ fn report(context: &Context, run: &Run, options: &Options, end: End) -> Result<(
 }
 
 /// The first Ctrl-C lets the update finish and be saved; the second ends the program at once.
-fn stop_on_interrupt() -> Result<Arc<AtomicBool>> {
+pub(super) fn stop_on_interrupt() -> Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     let handler = move || {

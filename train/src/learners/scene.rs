@@ -33,6 +33,8 @@ pub struct Scene<'a> {
     pub latents: Tensor<3>,
     /// The paper's predictions, made from [`gated`] latents.
     pub predictions: Predictions,
+    /// The dynamics' hidden states after each row but the last, from [`gated`] latents: `[length − 1, batch, hidden]`
+    pub states_after: Tensor<3>,
     states: OnceCell<Tensor<3>>,
     rollout: OnceCell<Rollout>,
 }
@@ -79,7 +81,7 @@ impl<'a> Scene<'a> {
         let noise =
             Tensor::<3>::from_data(TensorData::new(normal(means.shape().num_elements(), rng), means.dims()), device);
         let latents = means.clone() + noise * config.latent_std;
-        let predictions = predict(world, batch, &latents, gated(&latents, schedule.dynamics_weight));
+        let (predictions, states_after) = predict(world, batch, &latents, gated(&latents, schedule.dynamics_weight));
         Ok(Self {
             world,
             config,
@@ -89,6 +91,7 @@ impl<'a> Scene<'a> {
             means,
             latents,
             predictions,
+            states_after,
             states: OnceCell::new(),
             rollout: OnceCell::new(),
         })
@@ -114,17 +117,18 @@ impl<'a> Scene<'a> {
 }
 
 /// The dynamics term on latents as `gated`, the reward on all of them.
-fn predict(world: &World, batch: &Batch, latents: &Tensor<3>, gated: Tensor<3>) -> Predictions {
+fn predict(world: &World, batch: &Batch, latents: &Tensor<3>, gated: Tensor<3>) -> (Predictions, Tensor<3>) {
     let before_last = |x: &Tensor<3>| x.clone().narrow(0, 0, batch.length - 1);
-    let (dynamics, _) = world.dynamics.forward(before_last(&gated), before_last(&batch.actions), None);
-    Predictions {
+    let (dynamics, states) = world.dynamics.forward(before_last(&gated), before_last(&batch.actions), None);
+    let predictions = Predictions {
         dynamics,
         reward: world.reward.forward(latents.clone(), batch.actions.clone()),
         latents: gated,
         rewards: batch.rewards.clone(),
         counted: batch.counted.clone(),
         count: batch.count,
-    }
+    };
+    (predictions, states)
 }
 
 impl Predictions {

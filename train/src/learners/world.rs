@@ -16,6 +16,7 @@ use vibes_model::parameters::to_values;
 use crate::batch::Batch;
 use crate::error::{Result, TrainError};
 use crate::learners::auxiliary;
+use crate::learners::behaviour::Replayed;
 use crate::learners::objective::{Rival, Value};
 use crate::learners::optimizer::{NamedGradients, Optimizer};
 use crate::learners::scene::Scene;
@@ -54,6 +55,8 @@ pub struct Measures {
     pub encoder_gradient_norm: f32,
     /// Means of the latents: `[rows, latent]`, row-major.
     pub latent_means: Vec<f32>,
+    /// Samples of the latents, and the dynamics' states after each row but the last, both without autodiff; taken by whoever learns from them next.
+    pub reached: Option<(Tensor<3>, Tensor<3>)>,
     /// Where the time went.
     pub phases: Phases,
 }
@@ -71,6 +74,18 @@ pub struct Phases {
     pub backward: f64,
     /// Gradient norms and Adam.
     pub step: f64,
+}
+
+impl Measures {
+    /// The rows of the update's batch, for an actor and a critic to start from.
+    ///
+    /// # Panics
+    /// They were taken before.
+    pub fn take_replayed(&mut self, batch: &Batch, rewards: Vec<f32>) -> Replayed {
+        let (latents, states_after) = self.reached.take().expect("taken once");
+        let counted = to_values(batch.counted.clone()).into_iter().map(|counted| counted > 0.0).collect();
+        Replayed::detached(latents, states_after, batch.actions.clone(), rewards, counted)
+    }
 }
 
 impl Learner {
@@ -102,10 +117,12 @@ impl Learner {
         let value = with_auxiliaries(&scene, value, &mut ChaCha8Rng::seed_from_u64(rng.random()))?;
         phases.auxiliary = watch.lap();
         let means = scene.means.clone().inner();
+        let reached = (scene.latents.clone().inner(), scene.states_after.clone().inner());
         drop(scene);
         let mut measures = Measures {
             latent_means: to_values(means),
             dynamics_weight: schedule.dynamics_weight,
+            reached: Some(reached),
             phases,
             ..measure(&value)
         };

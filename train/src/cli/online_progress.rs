@@ -1,0 +1,130 @@
+//! How online training is shown: a bar over control steps on a terminal, plain lines otherwise.
+
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use vibes_train::online::evaluate::Evaluation;
+use vibes_train::online::options::OnlineOptions;
+use vibes_train::online::prepare::Prepared;
+use vibes_train::online::{Event, Line};
+
+use super::Context;
+
+/// Time between plain lines.
+const PLAIN_EVERY: Duration = Duration::from_secs(15);
+
+pub(crate) struct OnlineProgress {
+    is_quiet: bool,
+    is_verbose: bool,
+    control_steps: u64,
+    bar: Option<ProgressBar>,
+    said: Option<Instant>,
+}
+
+impl OnlineProgress {
+    pub(crate) fn new(context: &Context, options: &OnlineOptions) -> Self {
+        let is_terminal = std::io::stderr().is_terminal() && !context.quiet;
+        let bar = is_terminal.then(|| {
+            let template = "{elapsed} {wide_bar} {pos}/{len} control steps, {per_sec}, {eta} left\n{msg}";
+            let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+            ProgressBar::new(options.control_steps).with_style(style)
+        });
+        let (is_quiet, is_verbose) = (context.quiet, context.verbose);
+        Self { is_quiet, is_verbose, control_steps: options.control_steps, bar, said: None }
+    }
+
+    /// What is about to be trained, in what.
+    pub(crate) fn describe(&self, prepared: &Prepared) {
+        let (info, options) = (prepared.run.info(), &prepared.options);
+        let given = match prepared.given.len() {
+            0 => String::new(),
+            count => format!(
+                ", {:.0} % of every batch from {count} recordings of {} steps",
+                options.given_share * 100.0,
+                info.steps
+            ),
+        };
+        self.say(&format!(
+            "{} online on {} ({}), distractors {}, {} rows per agent step{given}; into {}",
+            info.options.objective,
+            info.model.task,
+            info.model.observation,
+            options.world.distractors.axes,
+            options.rows_per_step,
+            prepared.run.path().display()
+        ));
+    }
+
+    pub(crate) fn show(&mut self, event: &Event<'_>) {
+        match event {
+            Event::Start { control_steps: 0 } | Event::Update => {}
+            Event::Start { control_steps } => self.say(&format!("going on after {control_steps} control steps")),
+            Event::Lived { control_steps, .. } => {
+                if let Some(bar) = &self.bar {
+                    bar.set_position(*control_steps);
+                }
+            }
+            Event::Metrics(line) => self.metrics(line),
+            Event::Evaluated(evaluation) => self.say(&evaluated(evaluation)),
+            Event::Saved { update } if self.is_verbose => self.say(&format!("saved checkpoint {update}")),
+            Event::Saved { .. } => {}
+        }
+    }
+
+    pub(crate) fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+
+    fn metrics(&mut self, line: &Line) {
+        let text = summary(line);
+        if let Some(bar) = &self.bar {
+            bar.set_message(text);
+        } else if self.is_verbose || self.said.is_none_or(|said| said.elapsed() >= PLAIN_EVERY) {
+            self.said = Some(Instant::now());
+            self.say(&format!("{} of {} control steps: {text}", line.control_steps, self.control_steps));
+        }
+    }
+
+    fn say(&self, line: &str) {
+        match &self.bar {
+            _ if self.is_quiet => {}
+            Some(bar) => bar.println(line),
+            None => eprintln!("{line}"),
+        }
+    }
+}
+
+fn summary(line: &Line) -> String {
+    format!(
+        "{} agent steps, {:.0} control steps/s, return {:.1}, imagined {:.1}, value/bound {:.2}, entropy {:.2}, dynamics {:.1}, reward {:.2}, rank {:.1}",
+        line.agent_steps,
+        line.control_steps_per_second,
+        line.training_return,
+        line.imagined_return,
+        line.value_over_bound,
+        line.entropy,
+        line.world.dynamics_log_likelihood,
+        line.world.reward_log_likelihood,
+        line.world.effective_rank,
+    )
+}
+
+fn evaluated(evaluation: &Evaluation) -> String {
+    let interval =
+        |interval: Option<[f64; 2]>| interval.map_or(String::new(), |[low, high]| format!(" [{low:.1}, {high:.1}]"));
+    let held_out = &evaluation.held_out;
+    let training = evaluation.training_videos.as_ref().map_or(String::new(), |found| {
+        format!(", training videos {:.1}{}", found.mean_return, interval(found.interval))
+    });
+    format!(
+        "after {} control steps ({} agent steps): mean return on held-out videos {:.1}{} of {} episodes{training}",
+        evaluation.counters.control_steps,
+        evaluation.counters.agent_steps,
+        held_out.mean_return,
+        interval(held_out.interval),
+        held_out.returns.len()
+    )
+}

@@ -1,0 +1,165 @@
+//! What actor and critic can be asked for, and the two published recipes.
+
+use burn::tensor::{Device, Tensor, TensorData};
+use serde::{Deserialize, Serialize};
+use vibes_model::actions::ActionDistribution;
+use vibes_model::actor::BehaviourConfig;
+use vibes_model::critic::ValueDistribution;
+
+use crate::error::{Result, TrainError};
+
+/// How the actor learns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Gradient {
+    /// By the gradient of the returns through the frozen dynamics and reward model.
+    Dynamics,
+    /// By the log-density of its actions times their advantage.
+    Reinforce,
+}
+
+/// The resolved options of actor and critic.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BehaviourOptions {
+    /// The actor's distribution.
+    pub actions: ActionDistribution,
+    /// The critic's distribution.
+    pub values: ValueDistribution,
+    /// How the actor learns.
+    pub gradient: Gradient,
+    /// Imagined steps.
+    pub horizon: usize,
+    /// Discount of an agent step.
+    pub discount: f64,
+    /// Share of the longer return in a λ-return.
+    pub lambda: f64,
+    /// Weight of the actor's entropy.
+    pub entropy: f64,
+    /// Adam's step size for the actor.
+    pub actor_lr: f64,
+    /// Adam's step size for the critic.
+    pub critic_lr: f64,
+    /// Largest global norm of either's gradient.
+    pub gradient_clip: f64,
+    /// Whether returns are divided by their moving range before the actor sees them.
+    pub normalize_returns: bool,
+    /// Whether the slow copy's values end the returns, rather than the critic's own.
+    pub slow_target: bool,
+    /// Weight of the slow copy's values as a second target of the critic.
+    pub slow_weight: f64,
+    /// Share of the way that the slow copy goes at every update.
+    pub slow_rate: f64,
+    /// Weight of the critic's loss on recorded rewards.
+    pub replay_value: f64,
+    /// Whether later imagined rows count less, by the discount.
+    pub discount_weights: bool,
+    /// Width of the hidden layers of actor and critic.
+    pub hidden: usize,
+    /// Imagination starts from every so-manieth counted row.
+    pub every_start: usize,
+}
+
+/// The recipes by name.
+pub const RECIPES: [(&str, fn() -> BehaviourOptions); 3] =
+    [("mixed", mixed), ("gaussian", gaussian), ("dreamer-v3", dreamer_v3)];
+
+/// The bounded normal of `DreamerV3`, whose entropy is exact and which cannot saturate, with the squared error and the discount of the Gaussian family.
+pub fn mixed() -> BehaviourOptions {
+    BehaviourOptions { actions: ActionDistribution::BoundedNormal, ..gaussian() }
+}
+
+/// As Dreamer and RePo: tanh-normal actor, squared error, discount 0.99, backpropagation through the dynamics.
+pub fn gaussian() -> BehaviourOptions {
+    BehaviourOptions {
+        actions: ActionDistribution::TanhNormal,
+        values: ValueDistribution::Gaussian,
+        gradient: Gradient::Dynamics,
+        horizon: 15,
+        discount: 0.99,
+        lambda: 0.95,
+        entropy: 3e-4,
+        actor_lr: 3e-4,
+        critic_lr: 3e-4,
+        gradient_clip: 100.0,
+        normalize_returns: true,
+        slow_target: true,
+        slow_weight: 0.0,
+        slow_rate: 0.02,
+        replay_value: 0.0,
+        discount_weights: true,
+        hidden: 256,
+        every_start: 1,
+    }
+}
+
+/// As `DreamerV3`: bounded normal, two-hot critic that a slow copy holds back and recorded rewards teach too, discount 1 − 1/333.
+pub fn dreamer_v3() -> BehaviourOptions {
+    BehaviourOptions {
+        actions: ActionDistribution::BoundedNormal,
+        values: ValueDistribution::TwoHot,
+        discount: 1.0 - 1.0 / 333.0,
+        slow_target: false,
+        slow_weight: 1.0,
+        replay_value: 0.3,
+        ..gaussian()
+    }
+}
+
+impl Default for BehaviourOptions {
+    fn default() -> Self {
+        mixed()
+    }
+}
+
+impl BehaviourOptions {
+    /// The recipe `name`.
+    ///
+    /// # Errors
+    /// There is none of this name; the message lists those there are.
+    pub fn recipe(name: &str) -> Result<Self> {
+        let found = RECIPES.iter().find(|(recipe, _)| *recipe == name).map(|(_, recipe)| recipe());
+        found.ok_or_else(|| {
+            let names = RECIPES.map(|(name, _)| name).join(", ");
+            TrainError::Options(format!("no recipe `{name}`; there are {names}"))
+        })
+    }
+
+    /// The networks these options ask for.
+    pub fn config(&self) -> BehaviourConfig {
+        BehaviourConfig { actions: self.actions, values: self.values, hidden: self.hidden }
+    }
+
+    /// The weight of every imagined row: `[horizon, rows]`.
+    pub(super) fn weights(&self, horizon: usize, rows: usize, device: &Device) -> Tensor<2> {
+        let discount = if self.discount_weights { self.discount } else { 1.0 };
+        let weights: Vec<f32> = (0..horizon).map(|k| discount.powi(k as i32) as f32).collect();
+        Tensor::<2>::from_data(TensorData::new(weights, [horizon, 1]), device).expand([horizon, rows])
+    }
+
+    /// That the values make sense.
+    ///
+    /// # Errors
+    /// One does not; the message names it.
+    pub fn check(&self) -> Result<()> {
+        let shares = [("discount", self.discount), ("lambda", self.lambda), ("slow-rate", self.slow_rate)];
+        if let Some((name, value)) = shares.iter().find(|(_, value)| !(0.0..=1.0).contains(value)) {
+            return Err(TrainError::Options(format!("--{name} is {value}; it must lie between 0 and 1")));
+        }
+        if self.replay_value > 0.0 && self.every_start > 1 {
+            let text =
+                "--every-start above 1 leaves the critic without targets on recorded rewards, which this recipe wants";
+            return Err(TrainError::Options(text.to_owned()));
+        }
+        let positive = [
+            ("horizon", self.horizon as f64),
+            ("actor-lr", self.actor_lr),
+            ("critic-lr", self.critic_lr),
+            ("behaviour-hidden", self.hidden as f64),
+        ];
+        match positive.iter().find(|(_, value)| value.is_nan() || *value <= 0.0) {
+            Some((name, value)) => Err(TrainError::Options(format!("--{name} is {value}; it must be above 0"))),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! Actor and critic on made-up worlds: both recipes and both gradients get better, values become what can be written down, and the world model stays as it is.
+
+use burn::tensor::TensorData;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use vibes_model::parameters::read_parameters;
+use vibes_model::{Model, ModelConfig};
+
+use vibes_model::actions::noise;
+
+use super::*;
+
+const LENGTH: usize = 4;
+const BATCH: usize = 6;
+
+fn config() -> ModelConfig {
+    serde_json::from_value(serde_json::json!({
+        "task": "made-up", "observation": { "kind": "vector", "len": 3 },
+        "action_min": [-1.0, -1.0], "action_max": [1.0, 1.0],
+        "depth": 4, "hidden": 16, "head": 24, "latent": 6,
+        "latent_std": 0.1, "prediction_floor": 0.1, "reward_floor": 0.1, "adversary": false, "decoder": false,
+    }))
+    .unwrap()
+}
+
+fn world(seed: u64) -> World {
+    Model::init(config(), &mut ChaCha8Rng::seed_from_u64(seed), &Device::flex()).unwrap().world
+}
+
+/// A world whose every reward is `reward`.
+fn constant_world(reward: f32) -> World {
+    let mut world = world(1);
+    world.reward.head = world.reward.head.silenced();
+    let bias = world.reward.head.last.bias.clone();
+    world.reward.head.last.bias = bias.map(|bias| Tensor::from_data([reward, 0.0], &bias.device()));
+    world
+}
+
+fn rows(reward: f32) -> Replayed {
+    let (device, mut rng) = (Device::flex(), ChaCha8Rng::seed_from_u64(5));
+    let latents: Tensor<3> = noise([LENGTH, BATCH, 6], &mut rng, &device);
+    Replayed {
+        latents: vibes_model::gaussian::unit_norm(latents),
+        states: noise::<3>([LENGTH, BATCH, 16], &mut rng, &device).tanh(),
+        actions: noise::<3>([LENGTH, BATCH, 2], &mut rng, &device).clamp(-1.0, 1.0),
+        rewards: vec![reward; LENGTH * BATCH],
+        counted: (0..LENGTH * BATCH).map(|place| place >= BATCH).collect(),
+    }
+}
+
+fn learner(options: &BehaviourOptions) -> BehaviourLearner {
+    let mut rng = ChaCha8Rng::seed_from_u64(2);
+    let behaviour = Behaviour::init(&config(), options.config(), &mut rng, &Device::flex());
+    BehaviourLearner::new(behaviour, &Device::flex())
+}
+
+fn trained(world: &World, rows: &Replayed, options: &BehaviourOptions, updates: u64) -> (BehaviourLearner, [f32; 2]) {
+    let mut learner = learner(options);
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let (mut first, mut last) = (0.0, 0.0);
+    for update in 0..updates {
+        let (next, measures) = learner.update(world, rows, options, true, &mut rng).unwrap();
+        learner = next;
+        if update < 10 {
+            first += measures.imagined_reward / 10.0;
+        }
+        if update + 10 >= updates {
+            last += measures.imagined_reward / 10.0;
+        }
+    }
+    (learner, [first, last])
+}
+
+fn quick(options: BehaviourOptions) -> BehaviourOptions {
+    BehaviourOptions { horizon: 5, discount: 0.9, actor_lr: 3e-3, critic_lr: 3e-3, hidden: 24, ..options }
+}
+
+#[test]
+fn every_recipe_and_gradient_finds_better_actions_and_leaves_the_world_alone() {
+    let (world, rows) = (world(4), rows(0.0));
+    let before = read_parameters(&world, "world");
+    for (name, recipe) in options::RECIPES {
+        for gradient in [Gradient::Dynamics, Gradient::Reinforce] {
+            let options = BehaviourOptions { gradient, ..quick(recipe()) };
+            let (_, [first, last]) = trained(&world, &rows, &options, 200);
+            assert!(last > first + 0.1, "{name} {gradient:?}: {first} to {last}");
+        }
+    }
+    assert_eq!(read_parameters(&world, "world"), before);
+}
+
+/// Reward 1 for ever is worth 1 / (1 − γ) = 10, whatever is done.
+#[test]
+fn values_of_a_constant_reward_become_the_sum_of_the_series() {
+    for (name, recipe) in options::RECIPES {
+        let options = BehaviourOptions { critic_lr: 1e-2, ..quick(recipe()) };
+        let rows = rows(1.0);
+        let (learner, _) = trained(&constant_world(1.0), &rows, &options, 400);
+        let starts = rows.starts(&rows.chosen(1), &Device::flex());
+        let seen = vibes_model::actor::features(starts.states, starts.latents);
+        let value = mean(&to_values(learner.behaviour.critic.valid().values(seen)));
+        assert!((value - 10.0).abs() < 0.5, "{name}: {value}");
+    }
+}
+
+/// Recorded and imagined rewards of the same constant give the same targets.
+#[test]
+fn targets_along_recorded_rewards_end_in_imagined_returns() {
+    let options = quick(options::dreamer_v3());
+    let (rows, learner) = (rows(1.0), learner(&options));
+    let chosen = rows.chosen(1);
+    assert_eq!(chosen.len(), (LENGTH - 1) * BATCH);
+    let imagined = vec![10.0; options.horizon * chosen.len()];
+    let (seen, targets) = learner.replay_targets(&rows, &chosen, &imagined, &options).unwrap();
+    // The first row of each window does not count and the last has no successor.
+    assert_eq!(seen.dims(), [(LENGTH - 2) * BATCH, 22]);
+    assert!(to_values(targets).iter().all(|target| (target - 10.0).abs() < 1e-4));
+}
+
+#[test]
+fn while_only_the_critic_learns_the_actor_does_not_move() {
+    let options = quick(options::gaussian());
+    let learner = learner(&options);
+    let before = [read_parameters(&learner.behaviour.actor, ""), read_parameters(&learner.behaviour.critic, "")];
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let (learner, measures) = learner.update(&constant_world(1.0), &rows(1.0), &options, false, &mut rng).unwrap();
+    assert_eq!(read_parameters(&learner.behaviour.actor, ""), before[0]);
+    assert_ne!(read_parameters(&learner.behaviour.critic, ""), before[1]);
+    assert_eq!(measures.actor_gradient_norm, None);
+}
+
+#[test]
+fn a_reward_that_is_no_number_ends_the_update_with_its_name() {
+    let options = quick(options::gaussian());
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let error = learner(&options).update(&constant_world(f32::NAN), &rows(1.0), &options, true, &mut rng).unwrap_err();
+    assert!(matches!(error, TrainError::NotFinite { .. }), "{error}");
+}
+
+/// The states of an update, given as the dynamics has them after each row, are moved to before it.
+#[test]
+fn states_are_those_before_the_action() {
+    let after = Tensor::<3>::from_data(TensorData::new(vec![1.0_f32, 2.0], [2, 1, 1]), &Device::flex());
+    let like = Tensor::<3>::zeros([3, 1, 1], &Device::flex());
+    let rows = Replayed::detached(like.clone(), after, like, vec![0.0; 3], vec![true; 3]);
+    assert_eq!(to_values(rows.states), [0.0, 1.0, 2.0]);
+}

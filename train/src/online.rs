@@ -1,0 +1,478 @@
+//! Online training: the loop that acts, keeps what it lived through, and learns from it. In: a run folder, the world's options, recordings the run was given. Out:
+//! checkpoints, numbers over time and evaluations in the run folder, and in `RUN/replay/` a recording like any other.
+//!
+//! ```text
+//! online.json                        the options of online training
+//! replay/                            what was lived through, one episode a file
+//! checkpoints/000500/
+//!     behaviour.safetensors          actor, critic, slow critic
+//!     behaviour_optimizer.safetensors   Adam's moments of both
+//!     online.json                    counters, fractional credit, return scale
+//! ```
+//!
+//! One round of the loop is one episode. While the actor's thread lives through it with the weights of the round's beginning, the learner makes the
+//! updates that the episode before has paid for; then the episode is admitted. So every number is decided by the options and the seed, however
+//! fast either thread was, and a run that was stopped at any moment goes on from its last checkpoint to the same bytes.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::time::Instant;
+
+use burn::tensor::Device;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+use vibes_data::Recording;
+use vibes_env::videos::VideoSet;
+use vibes_model::agent::{Agent, Choice};
+use vibes_model::behaviour::Behaviour;
+use vibes_model::checkpoint::{load_tensors, save_tensors};
+use vibes_model::returns::ReturnScale;
+
+use crate::error::{Result, TrainError, io, malformed};
+use crate::fit::{End, Go};
+use crate::learners::behaviour::foresight::{Foresight, foresight};
+use crate::learners::behaviour::{BehaviourLearner, BehaviourMeasures, Replayed};
+use crate::learners::world::Learner;
+use crate::metrics::Row;
+use crate::replay::{Replay, ReplayOptions};
+use crate::run::{Run, State, write_json};
+use crate::session::{Session, first_learner};
+use crate::windows::{Prefetch, Purpose, update_rng};
+
+pub mod actor;
+pub mod evaluate;
+pub mod options;
+pub mod prepare;
+pub mod protocol;
+pub mod world;
+
+use actor::{ActorThread, EpisodeKind, Task, episode_seed};
+use evaluate::Evaluation;
+use options::OnlineOptions;
+
+/// Windows that set the first scales of a new model.
+const CALIBRATION_WINDOWS: usize = 64;
+
+/// What the loop tells its listener.
+#[derive(Debug)]
+pub enum Event<'a> {
+    /// Training begins, or goes on, after this many control steps.
+    Start {
+        /// Control steps lived through before.
+        control_steps: u64,
+    },
+    /// An episode was lived through and admitted.
+    Lived {
+        /// Control steps in all.
+        control_steps: u64,
+        /// Its return.
+        episode_return: f64,
+    },
+    /// An update was made.
+    Update,
+    /// A line of metrics was written.
+    Metrics(&'a Line),
+    /// The actor was evaluated.
+    Evaluated(&'a Evaluation),
+    /// A checkpoint was saved.
+    Saved {
+        /// Updates made.
+        update: u64,
+    },
+}
+
+/// Where online training stands, beside the world model's own state: saved with every checkpoint.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct OnlineState {
+    /// Episodes admitted, random ones included.
+    pub episodes: u32,
+    /// Control steps of them.
+    pub control_steps: u64,
+    /// Agent steps of them.
+    pub agent_steps: u64,
+    /// Updates paid for and not made yet; a fraction remains from round to round.
+    pub credit: f64,
+    /// Updates of actor and critic.
+    pub updates: u64,
+    /// Control steps at which the next evaluation is due.
+    pub next_evaluation: u64,
+    /// Adam's steps of the actor.
+    pub actor_steps: u64,
+    /// Adam's steps of the critic.
+    pub critic_steps: u64,
+    /// What returns are divided by.
+    pub scale: ReturnScale,
+    /// Whether the last evaluation has been made.
+    pub is_finished: bool,
+}
+
+/// A line of `metrics.jsonl`: the world model's numbers, and those of a round.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Line {
+    /// Control steps lived through, action repeats counted.
+    pub control_steps: u64,
+    /// Agent steps lived through.
+    pub agent_steps: u64,
+    /// Episodes admitted.
+    pub episodes: u32,
+    /// Return of the episode admitted at the end of the round, exploration included.
+    pub training_return: f64,
+    /// The world model.
+    #[serde(flatten)]
+    pub world: Row,
+    /// Mean λ-return that was imagined.
+    pub imagined_return: f64,
+    /// Mean value of where imagination started.
+    pub value: f64,
+    /// That value over what rewards of 1 a control step for ever are worth: above 1 something is wrong.
+    pub value_over_bound: f64,
+    /// What returns are divided by.
+    pub return_scale: f64,
+    /// Entropy of the actor, nats.
+    pub entropy: f64,
+    /// Loss of the critic.
+    pub critic_loss: f64,
+    /// Norm of the actor's gradient.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub actor_gradient_norm: Option<f64>,
+    /// Norm of the critic's gradient.
+    pub critic_gradient_norm: f64,
+    /// Imagined reward of a step along recorded actions.
+    pub foreseen_reward: f64,
+    /// Recorded reward of the same steps.
+    pub recorded_reward: f64,
+    /// Correlation of the two over windows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub foresight: Option<f64>,
+    /// Control steps a second, end to end.
+    pub control_steps_per_second: f64,
+    /// Share of the round that the learner waited for the actor's thread.
+    pub waiting_for_actor_share: f64,
+    /// Share of the round that the actor's thread was at work.
+    pub acting_share: f64,
+}
+
+/// What an online run is made from.
+#[derive(Debug)]
+pub struct Setup<'a> {
+    /// The run folder, with the model's options.
+    pub run: &'a Run,
+    /// The options of online training.
+    pub options: &'a OnlineOptions,
+    /// Recordings whose windows are mixed in.
+    pub given: &'a [Recording],
+    /// Where tensors live.
+    pub device: &'a Device,
+}
+
+/// Trains until the control steps are lived through and the last evaluation is made, or the listener stops it; goes on from the newest checkpoint.
+///
+/// # Errors
+/// See [`TrainError`]; everything up to the last checkpoint is kept.
+pub fn online(setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
+    let Setup { run, options, given, device } = *setup;
+    let model_options = &run.info().options;
+    let libraries = [options.world.video_library(VideoSet::Train)?, options.world.video_library(VideoSet::Val)?];
+    let manifest = options.world.manifest(model_options.seed, libraries[0].videos())?;
+    let resumed = resume(run, device)?;
+    let (mut state, world_state) =
+        resumed.as_ref().map_or_else(Default::default, |resumed| (resumed.online, resumed.world));
+    if state.is_finished && state.control_steps >= options.control_steps {
+        return Ok(End::Nothing);
+    }
+    state.is_finished = false;
+    let sizes =
+        ReplayOptions { length: model_options.length, batch: model_options.batch, given_share: options.given_share };
+    let replay = Replay::open(&run.path().join("replay"), manifest, state.episodes, given, sizes)?;
+    listen(Event::Start { control_steps: state.control_steps });
+    evaluate::drop_beyond(&run.evaluations_path(), state.next_evaluation)?;
+    let session = Session::open(run, device, world_state, true)?;
+    std::thread::scope(|scope| {
+        let acting = ActorThread::start(scope, &options.world, libraries, replay.writer());
+        let mut training = Training { setup, acting, session, state, replay };
+        let learners = match resumed {
+            Some(resumed) => (resumed.learner, resumed.behaviour),
+            None => training.begin(listen)?,
+        };
+        training.run(learners, listen)
+    })
+}
+
+struct Training<'a> {
+    setup: &'a Setup<'a>,
+    acting: ActorThread,
+    session: Session<'a>,
+    state: OnlineState,
+    replay: Replay,
+}
+
+/// Sums over the updates of a round.
+#[derive(Default)]
+struct Round {
+    measures: Vec<BehaviourMeasures>,
+    foresight: Option<Foresight>,
+}
+
+impl Training<'_> {
+    /// The random episodes, and the learners before their first update.
+    fn begin(&mut self, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<(Learner, BehaviourLearner)> {
+        let Setup { run, options, device, .. } = *self.setup;
+        while self.state.episodes < options.prefill || self.replay.is_empty() {
+            let lived = self.acting.live(self.training_task(None, "random".to_owned()))?;
+            self.admit(lived.steps)?;
+            let control_steps = self.state.control_steps;
+            listen(Event::Lived { control_steps, episode_return: lived.episode_return });
+        }
+        let mut rng = update_rng(run.info().options.seed, 0, Purpose::Calibration);
+        let windows = || Ok(self.replay.draw(CALIBRATION_WINDOWS, &mut rng));
+        let (learner, state) = first_learner(run, windows, device)?;
+        self.session.state = state;
+        let mut rng = ChaCha8Rng::seed_from_u64(run.info().options.seed);
+        rng.set_stream(1 << 63);
+        let behaviour = Behaviour::init(&run.info().model, options.behaviour.config(), &mut rng, device);
+        Ok((learner, BehaviourLearner::new(behaviour, device)))
+    }
+
+    fn run(
+        &mut self,
+        (mut learner, mut behaviour): (Learner, BehaviourLearner),
+        listen: &mut dyn FnMut(Event<'_>) -> Go,
+    ) -> Result<End> {
+        let options = self.setup.options;
+        self.evaluate(&learner, &behaviour, listen)?;
+        let first = options.first_updates.saturating_sub(self.state.updates);
+        if first > 0 {
+            (learner, behaviour) = self.updates(learner, behaviour, first, listen)?.0;
+            self.save(&learner, &behaviour, listen)?;
+        }
+        loop {
+            let go = self.evaluate(&learner, &behaviour, listen)?;
+            if self.state.is_finished || go == Go::Stop {
+                self.save(&learner, &behaviour, listen)?;
+                return Ok(if self.state.is_finished { End::Updates } else { End::Stopped });
+            }
+            let begun = Instant::now();
+            let agent = Agent::new(&learner.model, &behaviour.behaviour.actor, self.setup.device);
+            let policy = format!("online:update={}", self.session.state.update);
+            self.acting.begin(self.training_task(Some(agent), policy))?;
+            let due = self.state.credit.floor();
+            self.state.credit -= due;
+            let (learners, round, go) = self.updates(learner, behaviour, due as u64, listen)?;
+            (learner, behaviour) = learners;
+            let waiting = Instant::now();
+            let lived = self.acting.outcome()?;
+            let waited = waiting.elapsed().as_secs_f64();
+            self.admit(lived.steps)?;
+            let model = &self.setup.run.info().options;
+            self.state.credit += f64::from(lived.steps) * options.updates_per_step(model.length * model.batch);
+            let seconds = begun.elapsed().as_secs_f64();
+            self.session.state.seconds += waited;
+            let control_steps = self.state.control_steps;
+            let mut go = [go, listen(Event::Lived { control_steps, episode_return: lived.episode_return })];
+            if !round.measures.is_empty() {
+                let shares = [waited, lived.seconds].map(|part| part / seconds);
+                let line = self.line(&round, lived.episode_return, seconds, shares);
+                self.session.log(&line)?;
+                go[0] = listen(Event::Metrics(&line));
+            }
+            let is_stopped = go.contains(&Go::Stop) || self.session.is_out_of_time();
+            if self.session.is_save_due() || is_stopped {
+                self.save(&learner, &behaviour, listen)?;
+            }
+            if is_stopped {
+                return Ok(End::Stopped);
+            }
+        }
+    }
+
+    fn training_task(&self, agent: Option<Agent>, policy: String) -> Task {
+        let number = self.state.episodes;
+        let seed = self.setup.run.info().options.seed;
+        Task {
+            agent,
+            choice: Choice::Sample,
+            exploration: self.setup.options.exploration,
+            videos: VideoSet::Train,
+            seed: episode_seed(seed, EpisodeKind::Training, u64::from(number)),
+            keep: Some((number, policy)),
+        }
+    }
+
+    fn admit(&mut self, steps: u32) -> Result<()> {
+        self.replay.admit()?;
+        self.state.episodes += 1;
+        self.state.agent_steps += u64::from(steps);
+        self.state.control_steps += u64::from(steps) * u64::from(self.setup.options.world.action_repeat);
+        Ok(())
+    }
+
+    /// Makes so many updates of world model, actor and critic on what has been admitted.
+    #[allow(clippy::type_complexity, reason = "the learners go in and come out")]
+    fn updates(
+        &mut self,
+        mut learner: Learner,
+        mut behaviour: BehaviourLearner,
+        count: u64,
+        listen: &mut dyn FnMut(Event<'_>) -> Go,
+    ) -> Result<((Learner, BehaviourLearner), Round, Go)> {
+        let Setup { run, options, device, .. } = *self.setup;
+        let (seed, first) = (run.info().options.seed, self.session.state.update);
+        let (mut round, mut go) = (Round::default(), Go::On);
+        let Self { replay, session, state, .. } = self;
+        let replay: &Replay = replay;
+        std::thread::scope(|scope| {
+            let batches = Prefetch::start(scope, replay, seed, first..first + count);
+            for index in 0..count {
+                let number = session.state.update;
+                let (next, rows) = session.update(learner, || batches.next())?;
+                learner = next;
+                let begun = Instant::now();
+                let mut rng = update_rng(seed, number, Purpose::Imagination);
+                let actor_learns = state.updates >= options.critic_first;
+                let recipe = options.behaviour_at(state.updates);
+                let made = behaviour.update(&learner.model.world, &rows, &recipe, actor_learns, &mut rng);
+                let (next, measures) = made.map_err(|error| run.diverged(error, number))?;
+                behaviour = next;
+                round.measures.push(measures);
+                state.updates += 1;
+                if index + 1 == count {
+                    round.foresight = Some(look_ahead(&learner, &rows, run, number, device));
+                }
+                session.state.seconds += begun.elapsed().as_secs_f64();
+                if listen(Event::Update) == Go::Stop {
+                    go = Go::Stop;
+                }
+            }
+            Ok(((learner, behaviour), round, go))
+        })
+    }
+
+    fn line(&mut self, round: &Round, training_return: f64, seconds: f64, [waited, acting]: [f64; 2]) -> Line {
+        let options = self.setup.options;
+        let count = round.measures.len() as f64;
+        let mean = |of: &dyn Fn(&BehaviourMeasures) -> f32| {
+            round.measures.iter().map(|measures| f64::from(of(measures))).sum::<f64>() / count
+        };
+        let norms: Vec<f32> = round.measures.iter().filter_map(|measures| measures.actor_gradient_norm).collect();
+        let repeat = f64::from(options.world.action_repeat);
+        let bound = repeat / (1.0 - options.behaviour.discount).max(1e-6);
+        let value = mean(&|measures| measures.value);
+        let foresight = round.foresight;
+        Line {
+            control_steps: self.state.control_steps,
+            agent_steps: self.state.agent_steps,
+            episodes: self.state.episodes,
+            training_return,
+            world: self.session.take_row(),
+            imagined_return: mean(&|measures| measures.imagined_return),
+            value,
+            value_over_bound: value / bound,
+            return_scale: mean(&|measures| measures.return_scale),
+            entropy: mean(&|measures| measures.entropy),
+            critic_loss: mean(&|measures| measures.critic_loss),
+            actor_gradient_norm: (!norms.is_empty())
+                .then(|| norms.iter().map(|&norm| f64::from(norm)).sum::<f64>() / norms.len() as f64),
+            critic_gradient_norm: mean(&|measures| measures.critic_gradient_norm),
+            foreseen_reward: foresight.map_or(0.0, |foresight| foresight.imagined),
+            recorded_reward: foresight.map_or(0.0, |foresight| foresight.recorded),
+            foresight: foresight.and_then(|foresight| foresight.correlation),
+            control_steps_per_second: f64::from(options.world.steps) * repeat / seconds,
+            waiting_for_actor_share: waited,
+            acting_share: acting,
+        }
+    }
+
+    /// When it is due, and at the end; its time is not counted as training.
+    fn evaluate(
+        &mut self,
+        learner: &Learner,
+        behaviour: &BehaviourLearner,
+        listen: &mut dyn FnMut(Event<'_>) -> Go,
+    ) -> Result<Go> {
+        let options = self.setup.options;
+        let is_last = self.state.control_steps >= options.control_steps;
+        let is_due = options.evaluate_every > 0 && self.state.control_steps >= self.state.next_evaluation;
+        if !is_last && !is_due {
+            return Ok(Go::On);
+        }
+        let agent = Agent::new(&learner.model, &behaviour.behaviour.actor, self.setup.device);
+        let seed = self.setup.run.info().options.seed;
+        let counters = evaluate::Counters {
+            update: self.session.state.update,
+            control_steps: self.state.control_steps,
+            agent_steps: self.state.agent_steps,
+            episodes: self.state.episodes,
+        };
+        let evaluation = evaluate::evaluate(&self.acting, &agent, options, counters, seed, is_last)?;
+        self.session.evaluated(&evaluation)?;
+        self.state.is_finished = is_last;
+        self.state.next_evaluation = match options.evaluate_every {
+            0 => u64::MAX,
+            every => (self.state.control_steps / every + 1) * every,
+        };
+        Ok(listen(Event::Evaluated(&evaluation)))
+    }
+
+    fn save(
+        &mut self,
+        learner: &Learner,
+        behaviour: &BehaviourLearner,
+        listen: &mut dyn FnMut(Event<'_>) -> Go,
+    ) -> Result<()> {
+        if let Some(value) = behaviour.behaviour.first_not_finite() {
+            let error = TrainError::NotFinite { what: "a weight of actor or critic", value };
+            return Err(self.setup.run.diverged(error, self.session.state.update));
+        }
+        self.state.actor_steps = behaviour.actor_optimizer.steps();
+        self.state.critic_steps = behaviour.critic_optimizer.steps();
+        self.state.scale = behaviour.scale;
+        let state = self.state;
+        self.session.save(learner, |folder| save_behaviour(folder, behaviour, state))?;
+        listen(Event::Saved { update: self.session.state.update });
+        Ok(())
+    }
+}
+
+fn look_ahead(learner: &Learner, rows: &Replayed, run: &Run, update: u64, device: &Device) -> Foresight {
+    let options = &run.info().options;
+    let mut rng = update_rng(options.seed, update, Purpose::Foresight);
+    foresight(&learner.model.world, rows, options.burn_in, &mut rng, &device.clone().inner())
+}
+
+/// What a checkpoint gives back.
+struct Resumed {
+    learner: Learner,
+    behaviour: BehaviourLearner,
+    world: State,
+    online: OnlineState,
+}
+
+const BEHAVIOUR: &str = "behaviour.safetensors";
+const MOMENTS: &str = "behaviour_optimizer.safetensors";
+const STATE: &str = "online.json";
+
+fn save_behaviour(folder: &Path, learner: &BehaviourLearner, state: OnlineState) -> Result<()> {
+    learner.behaviour.save(&folder.join(BEHAVIOUR))?;
+    let mut moments = learner.actor_optimizer.to_tensors("actor");
+    moments.extend(learner.critic_optimizer.to_tensors("critic"));
+    save_tensors(&folder.join(MOMENTS), &moments, HashMap::new())?;
+    write_json(&folder.join(STATE), &state)
+}
+
+fn resume(run: &Run, device: &Device) -> Result<Option<Resumed>> {
+    let Some((learner, world)) = run.resume(device)? else { return Ok(None) };
+    let Some(newest) = run.checkpoints().last().copied() else { return Ok(None) };
+    let folder = run.checkpoint_path(newest);
+    let file = folder.join(STATE);
+    let text = std::fs::read_to_string(&file).map_err(io("read", &file))?;
+    let online: OnlineState = serde_json::from_str(&text)
+        .map_err(|error| malformed(&file, error, "an online.json as `vibes-train online` writes it"))?;
+    let behaviour = Behaviour::load(&folder.join(BEHAVIOUR), &run.info().model, device)?;
+    let mut behaviour = BehaviourLearner::new(behaviour, device);
+    let (moments, _) = load_tensors(&folder.join(MOMENTS))?;
+    behaviour.actor_optimizer.restore("actor", &moments, online.actor_steps, device);
+    behaviour.critic_optimizer.restore("critic", &moments, online.critic_steps, device);
+    behaviour.scale = online.scale;
+    Ok(Some(Resumed { learner, behaviour, world, online }))
+}

@@ -1,0 +1,163 @@
+//! What online training can be asked for, beside the model's own options: the world, how much is learned from every step of it, when it is evaluated. Saved as
+//! `online.json` in the run folder.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use vibes_data::write_atomically;
+use vibes_env::distractors::DistractorSettings;
+use vibes_env::render::Look;
+use vibes_env::videos::VideoSource;
+
+use super::protocol::Protocol;
+use crate::error::{Result, TrainError, io, malformed};
+use crate::learners::behaviour::BehaviourOptions;
+
+/// The world that is acted in.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WorldOptions {
+    /// The task's name.
+    pub task: String,
+    /// Control steps an action is held.
+    pub action_repeat: u32,
+    /// Agent steps of an episode.
+    pub steps: u32,
+    /// Which distractors, how strong, and whether they move.
+    pub distractors: DistractorSettings,
+    /// Where background videos come from.
+    pub videos: VideoSource,
+    /// How many videos of a set; the suite's number for the difficulty when none is given.
+    pub video_count: Option<usize>,
+    /// Side of the pictures; none for a policy of vector observations.
+    pub size: Option<u32>,
+    /// How pictures are drawn.
+    pub look: Look,
+}
+
+/// The resolved options of online training.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OnlineOptions {
+    /// The protocol whose settings these are, if one was asked for.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub protocol: Option<Protocol>,
+    /// The world.
+    pub world: WorldOptions,
+    /// Actor and critic.
+    pub behaviour: BehaviourOptions,
+    /// Control steps to live through in all, action repeats counted.
+    pub control_steps: u64,
+    /// Rows that go through the world model's update for every agent step: the one number that sets the work.
+    pub rows_per_step: f64,
+    /// Random episodes before anything is learned.
+    pub prefill: u32,
+    /// Share of every batch that comes from the recordings the run was given.
+    pub given_share: f64,
+    /// Updates before the first episode with the actor (after the random ones): they see only what is there.
+    pub first_updates: u64,
+    /// Of all updates, the first so many in which the critic learns and the actor does not move.
+    pub critic_first: u64,
+    /// Horizon of the first updates; 0 for the recipe's from the start.
+    pub short_horizon: usize,
+    /// Updates with that horizon.
+    pub short_for: u64,
+    /// Standard deviation of noise on the executed actions, in units of −1..1.
+    pub exploration: f64,
+    /// Control steps between evaluations; 0 for none.
+    pub evaluate_every: u64,
+    /// Episodes of an evaluation, on held-out and on training videos each.
+    pub evaluation_episodes: u32,
+    /// Episodes of the last evaluation.
+    pub final_episodes: u32,
+    /// Whether the actor's mode is evaluated rather than a sample.
+    pub evaluate_mode: bool,
+}
+
+impl OnlineOptions {
+    /// Reads a run's options; none if it is no online run.
+    ///
+    /// # Errors
+    /// The file is damaged.
+    pub fn read(run: &Path) -> Result<Option<Self>> {
+        let file = run.join("online.json");
+        let text = match std::fs::read_to_string(&file) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(io("read", &file)(error)),
+        };
+        let options = serde_json::from_str(&text);
+        options.map(Some).map_err(|error| malformed(&file, error, "an online.json as `vibes-train online` writes it"))
+    }
+
+    /// Writes them, or checks that a run that is there was begun with the same; only how long to go on may change.
+    ///
+    /// # Errors
+    /// The run was begun with others, or the file cannot be written.
+    pub fn keep(&self, run: &Path) -> Result<()> {
+        if let Some(found) = Self::read(run)?
+            && let Some((key, found, asked)) = found.first_difference(self)
+        {
+            return Err(TrainError::OtherRun { key, found, asked, path: run.to_owned() });
+        }
+        let file = run.join("online.json");
+        let text = serde_json::to_string_pretty(self)
+            .map_err(|error| malformed(&file, error, "options that JSON can hold"))?;
+        Ok(write_atomically(&file, (text + "\n").as_bytes())?)
+    }
+
+    fn first_difference(&self, asked: &Self) -> Option<(String, String, String)> {
+        let free = ["control_steps", "evaluate_every", "evaluation_episodes", "final_episodes"];
+        let [mine, theirs] = [self, asked].map(|options| serde_json::to_value(options).unwrap_or_default());
+        difference("", &mine, &theirs).filter(|(key, ..)| !free.contains(&key.as_str()) || self.protocol.is_some())
+    }
+
+    /// Actor and critic after so many updates of them: with the short first horizon, if there is one and it is not over.
+    pub fn behaviour_at(&self, updates: u64) -> BehaviourOptions {
+        let is_short = self.short_horizon > 0 && updates < self.short_for;
+        let horizon = if is_short { self.short_horizon.min(self.behaviour.horizon) } else { self.behaviour.horizon };
+        BehaviourOptions { horizon, ..self.behaviour.clone() }
+    }
+
+    /// Updates that one agent step pays for, when an update sees `rows` rows.
+    pub fn updates_per_step(&self, rows: usize) -> f64 {
+        self.rows_per_step / rows.max(1) as f64
+    }
+
+    /// That the values make sense.
+    ///
+    /// # Errors
+    /// One does not; the message names it.
+    pub fn check(&self) -> Result<()> {
+        self.behaviour.check()?;
+        let wrong = |text: String| Err(TrainError::Options(text));
+        if !(self.rows_per_step.is_finite() && self.rows_per_step > 0.0) {
+            return wrong(format!("--rows-per-step is {}; it must be above 0", self.rows_per_step));
+        }
+        if !(0.0..=1.0).contains(&self.given_share) {
+            return wrong(format!("--given-share is {}; it must lie between 0 and 1", self.given_share));
+        }
+        if !(self.exploration.is_finite() && self.exploration >= 0.0) {
+            return wrong(format!("--exploration is {}; it must be 0 or more", self.exploration));
+        }
+        match &self.protocol {
+            Some(protocol) => protocol.check(self),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The first entry in which two JSON values differ, by its path.
+fn difference(at: &str, left: &serde_json::Value, right: &serde_json::Value) -> Option<(String, String, String)> {
+    use serde_json::Value::Object;
+    match (left, right) {
+        (Object(left), Object(right)) => {
+            let keys = left.keys().chain(right.keys().filter(|key| !left.contains_key(*key)));
+            keys.into_iter().find_map(|key| {
+                let path = if at.is_empty() { key.clone() } else { format!("{at}.{key}") };
+                let none = serde_json::Value::Null;
+                difference(&path, left.get(key).unwrap_or(&none), right.get(key).unwrap_or(&none))
+            })
+        }
+        _ if left == right => None,
+        _ => Some((at.to_owned(), left.to_string(), right.to_string())),
+    }
+}

@@ -1,0 +1,157 @@
+//! Before online training: the options and the run folder, from what was asked for. In: a task, or a run to go on from. Out: a run and its options.
+
+use std::path::Path;
+
+use vibes_data::{Recording, Spec};
+use vibes_env::distractors::DistractorSettings;
+use vibes_env::render::Look;
+use vibes_env::videos::VideoSource;
+use vibes_env::{Environment, EnvironmentOptions};
+use vibes_model::ObservationKind;
+
+use super::options::{OnlineOptions, WorldOptions};
+use crate::error::{Result, TrainError};
+use crate::learners::behaviour::BehaviourOptions;
+use crate::options::{Observations, Options};
+use crate::run::{FORMAT, Run, RunInfo, versions};
+
+/// Standard deviation of an agent step's reward per control step, before any was seen: what a unit of reward is when `--reward-scale` is 0.
+const REWARD_STD: f64 = 0.3;
+
+/// A run that is ready to train online, and the recordings it was given.
+#[derive(Debug)]
+pub struct Prepared {
+    /// The run folder, owned by this process.
+    pub run: Run,
+    /// Its options.
+    pub options: OnlineOptions,
+    /// The recordings whose windows are mixed in.
+    pub given: Vec<Recording>,
+}
+
+/// The world of a task as the suite has it, with easy dynamic distractors.
+///
+/// # Errors
+/// There is no such task.
+pub fn default_world(task: &str) -> Result<WorldOptions> {
+    let environment = Environment::new(task, EnvironmentOptions::default())?;
+    Ok(WorldOptions {
+        task: task.to_owned(),
+        action_repeat: environment.action_repeat(),
+        steps: environment.episode_steps(),
+        distractors: DistractorSettings::default(),
+        videos: VideoSource::Procedural,
+        video_count: None,
+        size: Some(64),
+        look: Look::Fast,
+    })
+}
+
+/// Options that work, for a world; `is_given` says whether there are recordings to begin with.
+pub fn default_options(world: WorldOptions, is_given: bool) -> OnlineOptions {
+    OnlineOptions {
+        protocol: None,
+        world,
+        behaviour: BehaviourOptions::default(),
+        control_steps: 500_000,
+        rows_per_step: 128.0,
+        prefill: if is_given { 0 } else { 5 },
+        given_share: 0.5,
+        first_updates: if is_given { 1000 } else { 200 },
+        critic_first: if is_given { 500 } else { 0 },
+        short_horizon: 0,
+        short_for: 0,
+        exploration: 0.0,
+        evaluate_every: 10_000,
+        evaluation_episodes: 5,
+        final_episodes: 20,
+        evaluate_mode: true,
+    }
+}
+
+/// Begins a run from nothing, or goes on with the one at `path`.
+///
+/// # Errors
+/// The folder holds another run, or cannot be written, or the task has no such observations.
+pub fn from_nothing(path: &Path, model: &Options, options: OnlineOptions) -> Result<Prepared> {
+    options.check()?;
+    let spec = options.world.spec()?;
+    let kind = observation_kind(&spec, model.observations, path)?;
+    let unit = REWARD_STD * f64::from(options.world.action_repeat);
+    let info = RunInfo {
+        format: FORMAT.to_owned(),
+        model: model.model(&spec, kind, unit),
+        from: None,
+        options: model.clone(),
+        recordings: Vec::new(),
+        episodes: 0,
+        steps: 0,
+        versions: versions(),
+    };
+    let run = Run::create_or_open(path, info)?;
+    options.keep(run.path())?;
+    Ok(Prepared { run, options, given: Vec::new() })
+}
+
+/// Begins a run at `path` that goes on from the newest checkpoint of the offline run `from` and mixes in the recordings that one learned from, or goes on with the one at
+/// `path`.
+///
+/// # Errors
+/// `from` has no checkpoint or its recordings are gone, or the folder holds another run, or cannot be written.
+pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions) -> Result<Prepared> {
+    options.check()?;
+    from.newest_model()?;
+    let given = from.open_recordings()?;
+    let spec = options.world.spec()?;
+    let found = &from.info().model;
+    if found.task != spec.task || found.actions() != spec.action_len() {
+        return Err(TrainError::OtherModel {
+            found: found.task.clone(),
+            wanted: spec.task,
+            path: from.path().to_owned(),
+        });
+    }
+    let info = RunInfo {
+        format: FORMAT.to_owned(),
+        model: found.clone(),
+        from: Some(from.path().to_owned()),
+        options: model.clone(),
+        recordings: given.iter().map(|recording| recording.path().to_owned()).collect(),
+        episodes: given.iter().map(|recording| recording.episodes().len()).sum(),
+        steps: given.iter().flat_map(Recording::episodes).map(|episode| u64::from(episode.steps)).sum(),
+        versions: versions(),
+    };
+    let run = Run::create_or_open(path, info)?;
+    options.keep(run.path())?;
+    Ok(Prepared { run, options, given })
+}
+
+/// Goes on with the online run at `path` under its own options but for `options`, which may differ in how long to go on.
+///
+/// # Errors
+/// The run's recordings are gone, or something else differs.
+pub fn again(path: &Path, model: &Options, options: OnlineOptions) -> Result<Prepared> {
+    options.check()?;
+    let found = Run::open(path)?;
+    let given = found.open_recordings()?;
+    let info = RunInfo { options: model.clone(), ..found.info().clone() };
+    let run = Run::create_or_open(path, info)?;
+    options.keep(run.path())?;
+    Ok(Prepared { run, options, given })
+}
+
+fn observation_kind(spec: &Spec, wanted: Observations, path: &Path) -> Result<ObservationKind> {
+    let pixels =
+        spec.pixels.map(|size| ObservationKind::Pixels { height: size.height as usize, width: size.width as usize });
+    let vector = Some(spec.observation_len()).filter(|&len| len > 0).map(|len| ObservationKind::Vector { len });
+    let kind = match wanted {
+        Observations::Auto => pixels.or(vector),
+        Observations::Pixels => pixels,
+        Observations::Vectors => vector,
+    };
+    kind.ok_or_else(|| TrainError::OtherRecording {
+        found: "no such observations".to_owned(),
+        wanted: format!("{wanted:?}").to_lowercase(),
+        path: path.to_owned(),
+    })
+}

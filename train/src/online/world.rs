@@ -1,0 +1,97 @@
+//! The world of an online run: its environment and videos, made from [`WorldOptions`], and the header of the recording of what is lived through in it.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use vibes_data::{FORMAT, ImageSize, Manifest, Spec, Video};
+use vibes_env::render::{RenderSettings, material_names};
+use vibes_env::videos::{VideoLibrary, VideoSet};
+use vibes_env::{Environment, EnvironmentOptions, Eyes};
+
+use super::options::WorldOptions;
+use crate::error::Result;
+
+impl WorldOptions {
+    /// The environment.
+    ///
+    /// # Errors
+    /// There is no such task.
+    pub fn environment(&self) -> Result<Environment> {
+        let options = EnvironmentOptions { action_repeat: Some(self.action_repeat), raw_torques: false };
+        Ok(Environment::new(&self.task, options)?)
+    }
+
+    /// Size and look of the pictures; none for vector observations.
+    pub fn pictures(&self) -> Option<RenderSettings> {
+        self.size.map(|size| RenderSettings { size: size as usize, look: self.look })
+    }
+
+    /// The background videos of a set; none where none are seen.
+    ///
+    /// # Errors
+    /// A folder holds too few videos, or one cannot be decoded.
+    pub fn video_library(&self, set: VideoSet) -> Result<Arc<VideoLibrary>> {
+        let Some(pictures) = self.pictures().filter(|_| self.distractors.axes.background) else {
+            return Ok(Arc::new(VideoLibrary::none()));
+        };
+        let count = self.video_count.or(self.distractors.difficulty.videos());
+        let names = self.videos.list(set, count)?;
+        Ok(Arc::new(VideoLibrary::open(&self.videos, set, &names, pictures.look.sky_side(pictures.size))?))
+    }
+
+    /// Eyes on the world, under videos of one set.
+    ///
+    /// # Errors
+    /// This machine cannot draw, or there are no such videos.
+    pub fn eyes(&self, videos: Arc<VideoLibrary>) -> Result<Eyes> {
+        Ok(Eyes::new(self.environment()?, self.distractors, self.pictures(), videos)?)
+    }
+
+    /// The shape of its episodes.
+    ///
+    /// # Errors
+    /// There is no such task.
+    pub fn spec(&self) -> Result<Spec> {
+        let environment = self.environment()?;
+        let physics = environment.physics();
+        Ok(Spec {
+            task: self.task.clone(),
+            action: environment.action_spec(),
+            observation: environment.observation_spec(),
+            qpos: physics.qpos().len(),
+            qvel: physics.qvel().len(),
+            pixels: self.size.map(|side| ImageSize { height: side, width: side }),
+            materials: material_names(physics.model()),
+            control_timestep: environment.control_timestep(),
+            action_repeat: environment.action_repeat(),
+        })
+    }
+
+    /// The header of the recording, with options that the collector reads like those of its own recordings.
+    ///
+    /// # Errors
+    /// There is no such task.
+    pub fn manifest(&self, seed: u64, videos: &[Video]) -> Result<Manifest> {
+        let mut options = serde_json::to_value(self).unwrap_or_default();
+        if let Some(options) = options.as_object_mut() {
+            let more = serde_json::json!({
+                "policy": "random", "grid": null, "episodes": 0, "raw_torques": false, "video_set": VideoSet::Train,
+            });
+            options.extend(more.as_object().cloned().unwrap_or_default());
+        }
+        let versions = [("vibes", env!("CARGO_PKG_VERSION")), ("mujoco", "3.17.0"), ("dm_control models", "1.0.50")];
+        Ok(Manifest {
+            format: FORMAT.into(),
+            spec: self.spec()?,
+            options,
+            seed,
+            versions: versions
+                .map(|(name, version)| (name.into(), version.into()))
+                .into_iter()
+                .collect::<BTreeMap<_, _>>(),
+            grid: None,
+            videos: videos.to_vec(),
+            episodes: Vec::new(),
+        })
+    }
+}

@@ -1,0 +1,128 @@
+//! What online training has lived through: a recording in the run folder, `RUN/replay/`, that grows by one episode at a time, and beside it the recordings the run was
+//! given. In: finished episodes. Out: the windows of every update, a stated share of each batch from the recordings.
+//!
+//! An episode is *written* as soon as it is finished, and *admitted* to what windows are drawn from at a fixed number of updates; so a run that was stopped
+//! draws the same windows as one that was not.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use rand::Rng;
+use vibes_data::{Episode, EpisodeInfo, Manifest, Recording, RecordingWriter, WindowBatch, WindowSampler};
+
+use crate::error::{Result, TrainError};
+use crate::windows::{Source, Windows, side_by_side};
+
+/// The recording of an online run and the windows drawn from it.
+#[derive(Debug)]
+pub struct Replay {
+    writer: Arc<RecordingWriter>,
+    own: WindowSampler,
+    admitted: u32,
+    given: Option<Windows>,
+    /// Share of a batch from the given recordings, once there are own ones too.
+    given_share: f64,
+    batch: usize,
+}
+
+/// Sizes of the windows, and how many of a batch come from the given recordings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReplayOptions {
+    /// Rows of a window.
+    pub length: usize,
+    /// Windows of a batch.
+    pub batch: usize,
+    /// Share of a batch from the given recordings.
+    pub given_share: f64,
+}
+
+impl Replay {
+    /// Begins the recording at `path`, or goes on with it after its first `admitted` episodes; later ones are removed, to be lived through again.
+    ///
+    /// # Errors
+    /// Another recording is there, or an episode is missing or damaged, or a given recording has no episode as long as a window.
+    pub fn open(
+        path: &Path,
+        manifest: Manifest,
+        admitted: u32,
+        given: &[Recording],
+        options: ReplayOptions,
+    ) -> Result<Self> {
+        let ReplayOptions { length, batch, given_share } = options;
+        let own = WindowSampler::growing(&manifest.spec, length);
+        let writer = RecordingWriter::create_or_resume(path, manifest, false)?;
+        writer.remove_from(admitted)?;
+        let given = (!given.is_empty()).then(|| Windows::new(given, length, batch)).transpose()?;
+        let mut replay = Self { writer: Arc::new(writer), own, admitted: 0, given, given_share, batch };
+        while replay.admitted < admitted {
+            replay.admit()?;
+        }
+        Ok(replay)
+    }
+
+    /// What writes finished episodes, for the thread that lives through them.
+    pub fn writer(&self) -> Arc<RecordingWriter> {
+        Arc::clone(&self.writer)
+    }
+
+    /// Episodes admitted so far; the next one has this number.
+    pub fn admitted(&self) -> u32 {
+        self.admitted
+    }
+
+    /// Admits the next episode, which has been written.
+    ///
+    /// # Errors
+    /// It is missing or damaged.
+    pub fn admit(&mut self) -> Result<()> {
+        self.own.admit(self.writer.episode(self.admitted)?);
+        self.admitted += 1;
+        Ok(())
+    }
+
+    /// Whether there is anything to draw from.
+    pub fn is_empty(&self) -> bool {
+        self.own.windows() == 0 && self.given.is_none()
+    }
+}
+
+impl Replay {
+    /// So many windows: the stated share from the given recordings, the rest from the own one.
+    ///
+    /// # Panics
+    /// There is nothing to draw from, see [`Replay::is_empty`].
+    pub fn draw(&self, batch: usize, rng: &mut impl Rng) -> WindowBatch {
+        let Some(given) = &self.given else { return self.own.sample(batch, rng) };
+        let share = (batch as f64 * self.given_share).round() as usize;
+        let from_given = if self.own.windows() == 0 { batch } else { share.min(batch) };
+        let mut parts = Vec::new();
+        if from_given < batch {
+            parts.push(self.own.sample(batch - from_given, rng));
+        }
+        if from_given > 0 {
+            parts.push(given.draw(from_given, rng));
+        }
+        side_by_side(parts)
+    }
+}
+
+impl Source for Replay {
+    fn sample(&self, rng: &mut impl Rng) -> WindowBatch {
+        self.draw(self.batch, rng)
+    }
+
+    fn release(&self) {
+        self.own.release();
+        if let Some(given) = &self.given {
+            given.release();
+        }
+    }
+}
+
+/// Writes a finished episode: there whole afterwards, or not at all.
+///
+/// # Errors
+/// The disk is full, or the episode does not fit the recording.
+pub fn write(writer: &RecordingWriter, episode: &Episode, info: EpisodeInfo) -> Result<()> {
+    writer.write(episode, info).map_err(TrainError::from)
+}
