@@ -4,8 +4,8 @@
 //! Each is one file that states its name, options, networks and value, and one line in its registry.
 
 pub mod auxiliary;
-pub mod losses;
 pub mod behaviour;
+pub mod losses;
 pub mod objective;
 pub mod optimizer;
 pub mod rollout;

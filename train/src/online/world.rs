@@ -61,6 +61,7 @@ impl WorldOptions {
             qpos: physics.qpos().len(),
             qvel: physics.qvel().len(),
             pixels: self.size.map(|side| ImageSize { height: side, width: side }),
+            quantities: environment.quantities(),
             materials: material_names(physics.model()),
             control_timestep: environment.control_timestep(),
             action_repeat: environment.action_repeat(),
