@@ -1,15 +1,13 @@
 //! Embeds the Control Suite's models into the package and puts the MuJoCo library where the built programs look for it.
 //!
-//! In: `third_party/made-by-make-setup/` (`libmujoco.so.3.17.0`, `suite/*.xml`, `suite/common/*.xml`), filled by `make setup`.
+//! In: `third_party/made-by-make-setup/` (`libmujoco.so.VERSION`, `suite/*.xml`, `suite/common/*.xml`, and `wheels.txt`, which says the
+//! versions), filled by `make setup`.
 //! Out: `OUT_DIR/models.rs`, the list of all the suite's models that `physics/models.rs` includes (a task names the one it wants), and `<target>/<profile>/lib/` with the library,
 //! found from binaries by the relative rpath `$ORIGIN/lib` and from tests by `$ORIGIN/../lib`. mujoco-rs itself is linked against the script
 //! `mujoco/libmujoco.so` beside this file, which names that library; so it builds before set-up, and what is missing is said here.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};
-
-/// The library, named as its own SONAME says, since that is the name the loader looks for.
-const LIBRARY: &str = "libmujoco.so.3.17.0";
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
@@ -23,13 +21,26 @@ fn prepare() -> Result<(), String> {
     let third_party = third_party()?;
     let out = PathBuf::from(env::var("OUT_DIR").map_err(|error| error.to_string())?);
     embed_models(&third_party.join("suite"), &out)?;
+    let wheels = third_party.join("wheels.txt");
+    println!("cargo::rerun-if-changed={}", wheels.display());
+    let pinned = fs::read_to_string(&wheels).map_err(|error| missing(&wheels, &error))?;
+    println!("cargo::rustc-env=VIBES_SUITE_VERSION={}", version_of("dm-control", &pinned)?);
+    // Named as its own SONAME says, since that is the name the loader looks for.
+    let library = format!("libmujoco.so.{}", version_of("mujoco", &pinned)?);
     let lib = profile_folder(&out)?.join("lib");
-    place(&third_party.join(LIBRARY), &lib.join(LIBRARY))?;
+    place(&third_party.join(&library), &lib.join(&library))?;
     // Where the linker script in env/mujoco finds it; inside the target folder, so `cargo run` and `cargo test` also put it on the loader's
     // path (doc tests need that).
     println!("cargo::rustc-link-search=native={}", lib.display());
     println!("cargo::rustc-link-arg=-Wl,-rpath,$ORIGIN/lib:$ORIGIN/../lib");
     Ok(())
+}
+
+/// The version to which set-up pinned a wheel: the one place that says it.
+fn version_of(wheel: &str, pinned: &str) -> Result<String, String> {
+    let lines = pinned.lines().filter_map(|line| line.strip_prefix(wheel)?.strip_prefix("=="));
+    let version = lines.map(|rest| rest.trim_end_matches('\\').trim()).next();
+    version.map(ToOwned::to_owned).ok_or_else(|| format!("setup/wheels.txt pins no version of {wheel}"))
 }
 
 /// Copies every model of the suite and writes the list of them: `&[("reacher.xml", include_str!("…")), …]`, sorted.

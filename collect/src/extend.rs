@@ -15,8 +15,9 @@ use rustix::fs::{CWD, RenameFlags, renameat_with};
 use vibes_data::{EpisodeEntry, Grid, Manifest, Recording};
 
 use crate::care::select::SUBSET;
+use crate::paths::rebase;
 use crate::plan::{RecordOptions, state_seed};
-use crate::recorder::{Progress, RecordRun, Source, record};
+use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, record};
 use crate::stored::{has_logs, options_of};
 use crate::{Error, Result};
 
@@ -88,8 +89,16 @@ pub fn extend(path: &Path, size: Size, run: ExtendRun<'_>, report: &(dyn Fn(Prog
     let source = if is_wider { Source::Grid(&recording) } else { Source::Simulation };
     let seed = recording.manifest().seed;
     let with_mcap = has_logs(&recording);
-    let record_run =
-        RecordRun { options: &options, seed, threads: run.threads, with_mcap, source, turn: 0.0, stop: run.stop };
+    let record_run = RecordRun {
+        options: &options,
+        seed,
+        threads: run.threads,
+        with_mcap,
+        source,
+        turn: 0.0,
+        policies: PolicyMaker::default(),
+        stop: run.stop,
+    };
     if !is_wider {
         places.clear()?;
         ask_for(&recording, &options)?;
@@ -133,11 +142,9 @@ fn check(recording: &Recording, options: &RecordOptions, size: Size) -> Result<(
 
 /// Writes a manifest that asks for more; the episodes that are there stay in it.
 fn ask_for(recording: &Recording, options: &RecordOptions) -> Result<()> {
-    let asked = Manifest {
-        grid: options.grid,
-        options: serde_json::to_value(options).unwrap_or_default(),
-        ..recording.manifest().clone()
-    };
+    let mut asked = serde_json::to_value(options).unwrap_or_default();
+    rebase(&mut asked, None, Some(recording.path()));
+    let asked = Manifest { grid: options.grid, options: asked, ..recording.manifest().clone() };
     Ok(asked.write(&recording.path().join("manifest.json"))?)
 }
 

@@ -11,6 +11,7 @@ mod error;
 pub mod extend;
 pub mod frames;
 mod largest;
+mod paths;
 pub mod plan;
 pub mod preview;
 pub mod recorder;

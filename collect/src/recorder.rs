@@ -18,10 +18,11 @@ pub use source::Source;
 use crate::plan::{PlannedEpisode, RecordOptions};
 use crate::stored::Acted;
 use crate::studio::StudioSettings;
+use crate::trained::policy;
 use crate::{Error, Result};
 use source::Stored;
-use vibes_env::PolicyMix;
 use vibes_env::render::check_drawing;
+use vibes_env::{EnvironmentOptions, Policy, PolicyMix, PolicySpec};
 use worker::Worker;
 
 /// What is told while a recording grows.
@@ -50,8 +51,26 @@ pub struct RecordRun<'a> {
     pub source: Source<'a>,
     /// Degrees by which states are turned before they are drawn; see [`vibes_env::Task::rotate`].
     pub turn: f64,
+    /// Who makes the policies: [`policy`](crate::trained::policy), or a caller with policies of its own.
+    pub policies: PolicyMaker<'a>,
     /// Set from outside to stop after the episodes at hand.
     pub stop: &'a AtomicBool,
+}
+
+/// Makes a policy for a task; called once a worker thread and policy.
+#[derive(Clone, Copy)]
+pub struct PolicyMaker<'a>(pub &'a (dyn Fn(&PolicySpec, &str, EnvironmentOptions) -> Result<Box<dyn Policy>> + Sync));
+
+impl std::fmt::Debug for PolicyMaker<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("PolicyMaker").finish_non_exhaustive()
+    }
+}
+
+impl Default for PolicyMaker<'_> {
+    fn default() -> Self {
+        Self(&policy)
+    }
 }
 
 /// A state trajectory that is made by whoever needs it first, and forgotten after its last cell.
@@ -63,6 +82,7 @@ type Job = (PlannedEpisode, Arc<Row>);
 
 /// What all workers share.
 struct Shared<'a> {
+    path: &'a Path,
     run: &'a RecordRun<'a>,
     mix: PolicyMix,
     studio: StudioSettings,
@@ -86,13 +106,14 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
         check_drawing()?;
     }
     let videos = options.video_library()?;
-    let manifest = options.manifest(run.seed, &environment, videos.videos());
+    let manifest = options.manifest(path, run.seed, &environment, videos.videos());
     run.source.check_videos(videos.videos())?;
     let writer = RecordingWriter::create_or_resume(path, manifest, run.with_mcap)?;
     let resumed = Recording::open(path)?;
     let jobs = jobs_of(run.source.episodes(options), &writer, run.threads);
     let wanted = jobs.len();
     let shared = Shared {
+        path,
         run,
         mix: options.policy.parse()?,
         studio: StudioSettings::new(options, run.seed, &environment, videos)?,

@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 use vibes_data::Recording;
 
 use crate::plan::{ChosenSeeds, RecordOptions};
-use crate::recorder::{Progress, RecordRun, Source, record};
+use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, record};
 use crate::stored::{has_logs, options_of};
 use crate::{Error, Result};
 use vibes_env::distractors::{Axes, Difficulty};
@@ -109,6 +109,7 @@ impl Redraw {
             with_mcap: self.with_mcap.unwrap_or_else(|| has_logs(recording)),
             source: if keeps_distractors { Source::Episodes(recording) } else { Source::States(recording) },
             turn: self.rotate.unwrap_or(0.0),
+            policies: PolicyMaker::default(),
             stop,
         };
         record(output, &run, report)

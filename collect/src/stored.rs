@@ -7,6 +7,7 @@ use std::path::Path;
 
 use vibes_data::{EpisodeEntry, EpisodeInfo, EpisodeView, Recording, sha256_hex};
 
+use crate::paths::rebase;
 use crate::plan::RecordOptions;
 use crate::{Error, Result};
 use vibes_env::distractors::DistractorTrajectory;
@@ -17,7 +18,9 @@ use vibes_env::{Environment, ModelOverrides, Start, StateTrajectory};
 /// # Errors
 /// [`Error::Malformed`] when they are not this program's, as in a recording that was imported.
 pub fn options_of(recording: &Recording) -> Result<RecordOptions> {
-    serde_json::from_value(recording.manifest().options.clone()).map_err(|error| {
+    let mut options = recording.manifest().options.clone();
+    rebase(&mut options, Some(recording.path()), None);
+    serde_json::from_value(options).map_err(|error| {
         let expected = "the manifest holds the options of a recording that vibes-collect made";
         Error::malformed(recording.path(), format!("its options cannot be read ({error})"), expected)
     })

@@ -10,6 +10,7 @@ use vibes_data::{BackgroundFrame, EpisodeEntry, EpisodeView, Finding, Recording,
 use crate::Result;
 use crate::care::merge::{MergedPart, merged_parts};
 use crate::largest::{largest, largest_difference};
+use crate::paths::rebase;
 use crate::plan::RecordOptions;
 use vibes_env::distractors::View;
 use vibes_env::render::{Renderer, picture_difference};
@@ -96,7 +97,11 @@ struct Part {
 
 impl Simulators {
     fn new(recording: &Recording, simulate: bool) -> Self {
-        let read = |options: &serde_json::Value| serde_json::from_value(options.clone()).ok();
+        let read = |options: &serde_json::Value| {
+            let mut options = options.clone();
+            rebase(&mut options, Some(recording.path()), None);
+            serde_json::from_value(options).ok()
+        };
         let parts = match merged_parts(recording.manifest()) {
             _ if !simulate => Vec::new(),
             None => {

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use vibes_collect::plan::{ChosenSeeds, RecordOptions, distractor_seed, state_seed};
-use vibes_collect::recorder::{RecordRun, Source, record};
+use vibes_collect::recorder::{PolicyMaker, RecordRun, Source, record};
 use vibes_data::{Grid, Recording};
 use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::Look;
@@ -46,6 +46,7 @@ fn recorded(options: &RecordOptions, folder: &std::path::Path) -> Recording {
         with_mcap: false,
         source: Source::Simulation,
         turn: 0.0,
+        policies: PolicyMaker::default(),
         stop: &AtomicBool::new(false),
     };
     record(folder, &run, &|_| {}).unwrap()

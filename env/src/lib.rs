@@ -17,6 +17,11 @@ mod rollout;
 mod tasks;
 pub mod videos;
 
+/// The versions of the simulator and of the models in this build: the first is the library's own answer, the second that of the wheel that set-up fetched.
+pub fn versions() -> [(&'static str, &'static str); 2] {
+    [("mujoco", mujoco_rs::mujoco_version()), ("dm_control models", env!("VIBES_SUITE_VERSION"))]
+}
+
 pub use environment::{Environment, EnvironmentOptions};
 pub use error::{Error, Result};
 pub use eyes::Eyes;

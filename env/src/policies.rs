@@ -82,6 +82,16 @@ const EXPECTED: &str =
     "the policies are random, planner, planner:noise=SIGMA, actions:FILE and the folder of a trained run";
 
 impl PolicySpec {
+    /// The same policy with its file or folder, if it has one, somewhere else.
+    #[must_use]
+    pub fn with_path(&self, moved: &dyn Fn(&Path) -> PathBuf) -> Self {
+        match self {
+            Self::Random | Self::Planner { .. } => self.clone(),
+            Self::Actions { path } => Self::Actions { path: moved(path) },
+            Self::Run { path } => Self::Run { path: as_folder(moved(path)) },
+        }
+    }
+
     /// Makes the policy for a task; a planner loads its own simulation of it.
     ///
     /// # Errors
@@ -100,6 +110,11 @@ impl PolicySpec {
             }
         })
     }
+}
+
+/// A folder's name with a slash in it, by which a run is told from the name of a policy.
+fn as_folder(path: PathBuf) -> PathBuf {
+    if path.components().count() > 1 || path.is_absolute() { path } else { Path::new(".").join(path) }
 }
 
 impl FromStr for PolicySpec {

@@ -13,6 +13,7 @@ mod store;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::time::UNIX_EPOCH;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -124,7 +125,9 @@ fn identity(files: &[PathBuf]) -> Result<String> {
     for file in files {
         let metadata = file.metadata().map_err(Error::io("read the frame", file))?;
         let path = std::path::absolute(file).map_err(Error::io("read the frame", file))?;
-        identity += &format!("{} {} {:?}\n", path.display(), metadata.len(), metadata.modified().ok());
+        let changed = metadata.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+        let changed = changed.map_or(0, |time| time.as_nanos());
+        identity += &format!("{} {} {changed}\n", path.display(), metadata.len());
     }
     Ok(identity)
 }

@@ -13,7 +13,7 @@ use vibes_data::{
 };
 
 use crate::plan::{ChosenSeeds, RecordOptions};
-use crate::recorder::{RecordRun, Source, record};
+use crate::recorder::{PolicyMaker, RecordRun, Source, record};
 use crate::stored::info_of;
 use crate::{Error, Result};
 use vibes_env::distractors::DistractorSettings;
@@ -178,6 +178,7 @@ fn record_some(task: &str, pictures: RenderSettings, threads: usize, path: &Path
         with_mcap: true,
         source: Source::Simulation,
         turn: 0.0,
+        policies: PolicyMaker::default(),
         stop: &stop,
     };
     record(path, &run, &|_| {})

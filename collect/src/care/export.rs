@@ -85,7 +85,7 @@ pub fn export(
     }
     let folder = NewFolder::begin(out)?;
     let (episodes, rows) = match format {
-        ExportFormat::Minari => minari::write(recording, &minari::dataset_id(out), folder.path())?,
+        ExportFormat::Minari => minari::write(recording, out, folder.path())?,
         ExportFormat::Lerobot => lerobot::write(recording, pictures, folder.path())?,
         ExportFormat::Parquet => parquet::write(recording, pictures, folder.path())?,
     };

@@ -18,6 +18,7 @@ use vibes_data::{
 use super::NewFolder;
 use super::select::SUBSET;
 use crate::error::{Error, Result};
+use crate::paths::rebase;
 
 /// The key of the options under which a merged recording says what it was made of.
 const MERGED: &str = "merged";
@@ -68,9 +69,9 @@ pub fn merged_parts(manifest: &Manifest) -> Option<Vec<MergedPart>> {
 pub fn merge(parts: &[Recording], out: &Path, transfer: FileTransfer) -> Result<(Recording, MergeReport)> {
     check_specs(parts)?;
     let folder = NewFolder::begin(out)?;
-    let report = match same_recording(parts) {
+    let report = match same_recording(parts, out) {
         Some(header) => join(parts, header, folder.path(), transfer)?,
-        None => renumber(parts, folder.path(), transfer)?,
+        None => renumber(parts, (out, folder.path()), transfer)?,
     };
     folder.finish()?;
     Ok((Recording::open(out)?, report))
@@ -99,12 +100,13 @@ fn differing_key(one: &vibes_data::Spec, other: &vibes_data::Spec) -> Option<Str
 }
 
 /// The header of the recording that all are parts of, if they are, and no episode is in two parts with different contents.
-fn same_recording(parts: &[Recording]) -> Option<Manifest> {
+fn same_recording(parts: &[Recording], out: &Path) -> Option<Manifest> {
     let header = |part: &Recording| -> Manifest {
         let mut options = part.manifest().options.clone();
         if let Some(map) = options.as_object_mut() {
             map.remove(SUBSET);
         }
+        rebase(&mut options, Some(part.path()), Some(out));
         Manifest { options, episodes: Vec::new(), ..part.manifest().clone() }
     };
     let first = header(&parts[0]);
@@ -140,9 +142,10 @@ fn join(parts: &[Recording], mut header: Manifest, out: &Path, transfer: FileTra
     Ok(report)
 }
 
-fn renumber(parts: &[Recording], out: &Path, transfer: FileTransfer) -> Result<MergeReport> {
-    let (header, videos) = merged_header(parts)?;
-    let writer = RecordingWriter::create_or_resume(out, header, false)?;
+/// `place` is where the merged recording will be, `folder` where it is made.
+fn renumber(parts: &[Recording], (place, folder): (&Path, &Path), transfer: FileTransfer) -> Result<MergeReport> {
+    let (header, videos) = merged_header(parts, place)?;
+    let writer = RecordingWriter::create_or_resume(folder, header, false)?;
     let mut report = MergeReport::default();
     let mut next = 0;
     for (part, videos) in parts.iter().zip(&videos) {
@@ -180,7 +183,7 @@ fn rewrite(writer: &RecordingWriter, part: &Recording, entry: &EpisodeEntry, ind
 }
 
 /// The merged manifest without episodes, and for every part where its videos are in the merged list.
-fn merged_header(parts: &[Recording]) -> Result<(Manifest, Vec<Vec<u32>>)> {
+fn merged_header(parts: &[Recording], out: &Path) -> Result<(Manifest, Vec<Vec<u32>>)> {
     let mut videos: Vec<Video> = Vec::new();
     let mut notes: Vec<MergedPart> = Vec::new();
     let mut maps = Vec::new();
@@ -189,7 +192,7 @@ fn merged_header(parts: &[Recording]) -> Result<(Manifest, Vec<Vec<u32>>)> {
         let manifest = part.manifest();
         let map: Vec<u32> = manifest.videos.iter().map(|video| place_of(&mut videos, video)).collect();
         let count = u32::try_from(part.episodes().len()).unwrap_or(u32::MAX);
-        notes.extend(notes_of(part, &map, first));
+        notes.extend(notes_of(part, out, &map, first));
         first = first.checked_add(count).filter(|&all| all < 1_000_000).ok_or_else(|| Error::Selection {
             fact: "more than a million episodes".into(),
             expected: "numbers of six digits".into(),
@@ -211,9 +214,10 @@ fn merged_header(parts: &[Recording]) -> Result<(Manifest, Vec<Vec<u32>>)> {
 }
 
 /// A part's own note, or those of its parts if it was merged already.
-fn notes_of(part: &Recording, map: &[u32], first: u32) -> Vec<MergedPart> {
+fn notes_of(part: &Recording, out: &Path, map: &[u32], first: u32) -> Vec<MergedPart> {
     let manifest = part.manifest();
-    let Manifest { options, seed, versions, grid, .. } = manifest.clone();
+    let Manifest { mut options, seed, versions, grid, .. } = manifest.clone();
+    rebase(&mut options, Some(part.path()), Some(out));
     let count = part.episodes().len() as u32;
     let own =
         MergedPart { name: name_of(part), options, seed, versions, grid, videos: map.to_vec(), first, episodes: count };
@@ -224,7 +228,9 @@ fn notes_of(part: &Recording, map: &[u32], first: u32) -> Vec<MergedPart> {
     for note in inner {
         let there = part.episodes().iter().filter(|entry| note.holds(entry.index)).count() as u32;
         let videos = note.videos.iter().map(|&video| map.get(video as usize).copied().unwrap_or(u32::MAX)).collect();
-        notes.push(MergedPart { videos, first: next, episodes: there, ..note });
+        let mut options = note.options;
+        rebase(&mut options, Some(part.path()), Some(out));
+        notes.push(MergedPart { options, videos, first: next, episodes: there, ..note });
         next += there;
     }
     notes

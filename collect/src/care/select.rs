@@ -10,6 +10,7 @@ use vibes_data::{EpisodeEntry, FileTransfer, Manifest, Recording, RecordingWrite
 
 use super::NewFolder;
 use crate::error::{Error, Result};
+use crate::paths::rebase;
 
 /// The key of the options under which a part says what it is a part of.
 pub(crate) const SUBSET: &str = "subset";
@@ -86,11 +87,9 @@ pub fn write_subset(
     transfer: FileTransfer,
 ) -> Result<Recording> {
     let folder = NewFolder::begin(out)?;
-    let header = Manifest {
-        options: with_note(&recording.manifest().options, note),
-        episodes: Vec::new(),
-        ..recording.manifest().clone()
-    };
+    let mut options = with_note(&recording.manifest().options, note);
+    rebase(&mut options, Some(recording.path()), Some(out));
+    let header = Manifest { options, episodes: Vec::new(), ..recording.manifest().clone() };
     let writer = RecordingWriter::create_or_resume(folder.path(), header, false)?;
     for entry in recording.episodes().iter().filter(|entry| kept.binary_search(&entry.index).is_ok()) {
         writer.take(recording, entry, transfer)?;

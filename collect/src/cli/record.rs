@@ -10,7 +10,7 @@ use vibes_data::{Grid, Recording};
 use super::axis_seeds::AxisSeedArgs;
 use super::{Outcome, OutputArgs, show};
 use crate::plan::RecordOptions;
-use crate::recorder::{Progress, RecordRun, Source, cores, record};
+use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, cores, record};
 use crate::trained::acted_by;
 use vibes_env::distractors::{Axes, Difficulty, DistractorSettings};
 use vibes_env::render::Look;
@@ -166,6 +166,7 @@ pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
         with_mcap: !args.no_mcap,
         source: Source::Simulation,
         turn: 0.0,
+        policies: PolicyMaker::default(),
         stop,
     };
     told(&folder, u64::from(options.episodes), output, |report| record(&folder, &run, report))

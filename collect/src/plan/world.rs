@@ -1,6 +1,6 @@
 //! What a plan asks of the world: its environment, its background videos, and the header of the recording that follows from both.
 
-use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 
 use vibes_data::{FORMAT, ImageSize, Manifest, Spec, Video};
@@ -10,6 +10,7 @@ use vibes_env::{Environment, EnvironmentOptions};
 
 use super::RecordOptions;
 use crate::Result;
+use crate::paths::rebase;
 
 impl RecordOptions {
     /// The environment's own options.
@@ -70,18 +71,17 @@ impl RecordOptions {
         }
     }
 
-    /// The recording's manifest, still without episodes.
-    pub fn manifest(&self, seed: u64, environment: &Environment, videos: &[Video]) -> Manifest {
-        let versions = [("vibes", env!("CARGO_PKG_VERSION")), ("mujoco", "3.17.0"), ("dm_control models", "1.0.50")];
+    /// The manifest of a recording in `folder`, still without episodes.
+    pub fn manifest(&self, folder: &Path, seed: u64, environment: &Environment, videos: &[Video]) -> Manifest {
+        let mut options = serde_json::to_value(self).unwrap_or_default();
+        rebase(&mut options, None, Some(folder));
+        let versions = [("vibes", env!("CARGO_PKG_VERSION"))].into_iter().chain(vibes_env::versions());
         Manifest {
             format: FORMAT.into(),
             spec: self.spec(environment),
-            options: serde_json::to_value(self).unwrap_or_default(),
+            options,
             seed,
-            versions: versions
-                .map(|(name, version)| (name.into(), version.into()))
-                .into_iter()
-                .collect::<BTreeMap<_, _>>(),
+            versions: versions.map(|(name, version)| (name.to_owned(), version.to_owned())).collect(),
             grid: self.grid,
             videos: videos.to_vec(),
             episodes: Vec::new(),

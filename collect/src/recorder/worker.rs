@@ -5,10 +5,11 @@ use std::sync::atomic::Ordering;
 use vibes_data::{Episode, EpisodeInfo};
 
 use super::{Row, Shared};
+use crate::Result;
+use crate::paths::policy_name;
 use crate::plan::{PlannedEpisode, acting_distractor, state_seed};
 use crate::stored::{Acted, rotate};
 use crate::studio::Studio;
-use crate::{Result, trained};
 use vibes_env::render::RenderSettings;
 use vibes_env::{EpisodeSeeds, Eyes, Policy, PolicySpec, rollout};
 
@@ -90,7 +91,7 @@ impl<'a> Worker<'a> {
         };
         let trajectory = rollout(eyes, self.policies[policy].1.as_mut(), run.options.steps, seeds)?;
         let model_overrides = serde_json::to_value(&trajectory.start.model_overrides).unwrap_or_default();
-        let info = EpisodeInfo { policy: spec.to_string(), seed, model_overrides };
+        let info = EpisodeInfo { policy: policy_name(spec, self.shared.path), seed, model_overrides };
         Ok(Acted { trajectory, info, acting_distractor: pictures.map(|_| distractor) })
     }
 
@@ -100,7 +101,8 @@ impl<'a> Worker<'a> {
             return Ok(place);
         }
         let options = self.shared.run.options;
-        let policy = trained::policy(spec, &options.task, options.environment_options())?;
+        let make = self.shared.run.policies.0;
+        let policy = make(spec, &options.task, options.environment_options())?;
         self.policies.push((spec.clone(), policy));
         Ok(self.policies.len() - 1)
     }

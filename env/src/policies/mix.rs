@@ -1,6 +1,7 @@
 //! A mix of policies with weights, as in `random:0.3,planner:noise=0.3:0.4,planner:0.3`: which policy makes which episode.
 
 use std::fmt;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use super::PolicySpec;
@@ -19,6 +20,12 @@ impl PolicyMix {
     /// The policies with their shares.
     pub fn shares(&self) -> &[(PolicySpec, f64)] {
         &self.0
+    }
+
+    /// The same mix with its files and folders somewhere else.
+    #[must_use]
+    pub fn with_paths(&self, moved: &dyn Fn(&Path) -> PathBuf) -> Self {
+        Self(self.0.iter().map(|(policy, share)| (policy.with_path(moved), *share)).collect())
     }
 
     /// The policy of an episode, by its number alone, so that it does not matter how many episodes there are or which are there already.

@@ -5,11 +5,12 @@
 //! so that memory does not grow with the number of videos.
 
 use std::fs::File;
-use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{BufWriter, Write};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
+
+use vibes_data::sha256_hex;
 
 use super::resample::halve;
 use crate::error::{Error, Result};
@@ -43,10 +44,10 @@ impl FrameStore {
         side: usize,
         mut picture: impl FnMut(usize) -> Result<Vec<u8>>,
     ) -> Result<Self> {
-        let mut hasher = DefaultHasher::new();
-        (VERSION, identity, frames, side).hash(&mut hasher);
+        // A checksum, since a hasher of the standard library may be another in the next release of Rust, and every cached video would be made again.
+        let contents = sha256_hex(format!("{VERSION}\n{frames}\n{side}\n{identity}").as_bytes());
         let plain: String = name.chars().map(|c| if c.is_alphanumeric() || c == '-' { c } else { '_' }).collect();
-        let path = folder.join(format!("{plain}-{side}-{:016x}.frames", hasher.finish()));
+        let path = folder.join(format!("{plain}-{side}-{}.frames", &contents[..16]));
         let whole = (frames * frame_bytes(side)) as u64;
         if !path.metadata().is_ok_and(|metadata| metadata.len() == whole) {
             write_whole(&path, (0..frames).map(|frame| picture(frame).map(|rgb| with_levels(rgb, side))))?;

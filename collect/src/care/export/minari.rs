@@ -19,6 +19,7 @@ use vibes_data::{Episode, EpisodeEntry, Recording, Spec};
 use super::columns::{arrow_error, field, list, numbers};
 use super::{make_parent, with_steps, write_json};
 use crate::error::Result;
+use crate::paths::rebase;
 
 /// The key of the dataset's metadata under which the recording's own header stands.
 pub(crate) const HEADER: &str = "vibes";
@@ -28,7 +29,7 @@ pub(crate) const PIXELS: &str = "pixels";
 const MINARI_VERSION: &str = "0.5.4";
 
 /// The dataset's name: that of its folder, with the version that Minari asks for.
-pub(super) fn dataset_id(out: &Path) -> String {
+fn dataset_id(out: &Path) -> String {
     let name = out.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let plain: String = name.chars().map(|c| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' }).collect();
     let versioned = plain.rsplit_once("-v").is_some_and(|(_, version)| version.parse::<u32>().is_ok());
@@ -36,23 +37,24 @@ pub(super) fn dataset_id(out: &Path) -> String {
 }
 
 /// Writes the dataset; returns the numbers of episodes and rows.
-pub(super) fn write(recording: &Recording, id: &str, out: &Path) -> Result<(usize, u64)> {
+/// `place` is where the dataset will be, `out` where it is made.
+pub(super) fn write(recording: &Recording, place: &Path, out: &Path) -> Result<(usize, u64)> {
     let data = out.join("data");
     let spec = &recording.manifest().spec;
     let (mut rows, mut bytes) = (0, 0);
     let with_steps = with_steps(recording)?;
-    for (place, &entry) in with_steps.iter().enumerate() {
+    for (number, &entry) in with_steps.iter().enumerate() {
         let episode = recording.episode(entry.index)?.to_episode();
         episode.check(spec)?;
-        let path = data.join(place.to_string()).join("part-0.arrow");
+        let path = data.join(number.to_string()).join("part-0.arrow");
         make_parent(&path)?;
         let table = table(&episode, spec).map_err(arrow_error(&path))?;
         write_table(&path, &table)?;
         rows += episode.rows() as u64;
         bytes += path.metadata().map_or(0, |file| file.len());
-        write_json(&path.with_file_name("metadata.json"), &episode_metadata(place, entry, &episode))?;
+        write_json(&path.with_file_name("metadata.json"), &episode_metadata(number, entry, &episode))?;
     }
-    write_json(&data.join("metadata.json"), &metadata(recording, &with_steps, id, bytes))?;
+    write_json(&data.join("metadata.json"), &metadata(recording, &with_steps, place, bytes))?;
     Ok((with_steps.len(), rows))
 }
 
@@ -154,12 +156,14 @@ fn episode_metadata(place: usize, entry: &EpisodeEntry, episode: &Episode) -> Va
     })
 }
 
-fn metadata(recording: &Recording, episodes: &[&EpisodeEntry], id: &str, bytes: u64) -> Value {
+fn metadata(recording: &Recording, episodes: &[&EpisodeEntry], place: &Path, bytes: u64) -> Value {
     let manifest = recording.manifest();
+    let mut options = manifest.options.clone();
+    rebase(&mut options, Some(recording.path()), Some(place));
     let policies: std::collections::BTreeSet<&str> = episodes.iter().map(|e| e.policy.as_str()).collect();
     let steps: u64 = episodes.iter().map(|entry| u64::from(entry.steps)).sum();
     json!({
-        "dataset_id": id,
+        "dataset_id": dataset_id(place),
         "total_episodes": episodes.len(),
         "total_steps": steps,
         "data_format": "arrow",
@@ -171,7 +175,7 @@ fn metadata(recording: &Recording, episodes: &[&EpisodeEntry], id: &str, bytes: 
         "minari_version": MINARI_VERSION,
         "dataset_size": (bytes as f64 / 1e5).round() / 10.0,
         HEADER: {
-            "spec": manifest.spec, "options": manifest.options, "seed": manifest.seed, "versions": manifest.versions,
+            "spec": manifest.spec, "options": options, "seed": manifest.seed, "versions": manifest.versions,
             "grid": manifest.grid, "videos": manifest.videos,
         },
     })

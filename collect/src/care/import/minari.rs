@@ -24,6 +24,7 @@ use super::{
     ImportFormat, ImportOptions, ImportReport, begin, bounds_of, in_episode, without_distractors, write_checked,
 };
 use crate::error::{Error, Result};
+use crate::paths::rebase;
 
 /// What is read of a dataset's metadata.
 #[derive(Debug, Deserialize)]
@@ -165,7 +166,7 @@ impl Dataset {
             let manifest = Manifest {
                 format: FORMAT.into(),
                 spec: spec.clone(),
-                options: asked.clone(),
+                options: self.options_at(asked, out),
                 seed: *seed,
                 versions: versions.clone(),
                 grid: *grid,
@@ -182,6 +183,15 @@ impl Dataset {
         })?;
         let writer = begin(spec.clone(), ImportFormat::Minari, &name, out, options.with_mcap)?;
         Ok((writer, spec))
+    }
+
+    /// The recording's options, whose paths were those of the dataset's folder.
+    fn options_at(&self, asked: &Value, out: &Path) -> Value {
+        let mut options = asked.clone();
+        let data = self.folder.file_name().is_some_and(|name| name == "data");
+        let dataset = if data { self.folder.parent().unwrap_or(&self.folder) } else { &self.folder };
+        rebase(&mut options, Some(dataset), Some(out));
+        options
     }
 
     fn checked(&self, spec: Spec) -> Result<Spec> {

@@ -1,0 +1,199 @@
+//! Inputs from public bug reports of people who do this job: each was once taken wrongly, and its right value is held here.
+
+#![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
+
+#[allow(dead_code, reason = "each test file uses a part of it")]
+#[path = "process/numpy.rs"]
+mod numpy;
+#[allow(dead_code, reason = "each test file uses a part of it")]
+#[path = "../../data/tests/synthetic/mod.rs"]
+mod synthetic;
+
+use std::fs;
+use std::path::Path;
+
+use vibes_collect::care::export::{ExportFormat, export};
+use vibes_collect::care::import::{ImportFormat, ImportOptions, import};
+use vibes_data::{Episode, Recording, RecordingWriter, verify_recording};
+
+use numpy::{npy, npz, singles};
+use synthetic::{episode, episodes, info, manifest, spec};
+
+fn read(set: &Path) -> Result<(Recording, Vec<Episode>), String> {
+    let out = set.with_extension("recording");
+    let _ = fs::remove_dir_all(&out);
+    let options = ImportOptions::default();
+    let (recording, _) = import(ImportFormat::Dreamer, set, &options, &out).map_err(|error| error.to_string())?;
+    let found = episodes(&recording);
+    Ok((recording, found))
+}
+
+fn folder(within: &Path, name: &str) -> std::path::PathBuf {
+    let path = within.join(name);
+    fs::create_dir_all(&path).unwrap();
+    path
+}
+
+/// A replay chunk of DreamerV3: row t of `rows` has the observation t, the action 100 + t chosen after it and the reward 10 t that came with it.
+fn chunk(path: &Path, rows: std::ops::Range<usize>, firsts: &[usize]) {
+    let flags: Vec<u8> = rows.clone().map(|row| u8::from(firsts.contains(&row))).collect();
+    // The last row of an episode is the one before the next begins.
+    let last: Vec<u8> = rows.clone().map(|row| u8::from(firsts.contains(&(row + 1)))).collect();
+    let numbers = |of: fn(usize) -> f32| singles(&rows.clone().map(of).collect::<Vec<f32>>());
+    let length = format!("{},", rows.len());
+    let arrays = [
+        ("action", npy("<f4", &format!("{}, 1", rows.len()), &numbers(|row| 100.0 + row as f32))),
+        ("reward", npy("<f4", &length, &numbers(|row| 10.0 * row as f32))),
+        ("height", npy("<f4", &length, &numbers(|row| row as f32))),
+        ("is_first", npy("|b1", &length, &flags)),
+        ("is_last", npy("|b1", &length, &last)),
+        ("is_terminal", npy("|b1", &length, &last)),
+        ("dyn/deter", npy("<f4", &format!("{}, 2", rows.len()), &vec![0; 8 * rows.len()])),
+        ("stepid", npy("|u1", &format!("{}, 20", rows.len()), &vec![0; 20 * rows.len()])),
+    ];
+    npz(path, &arrays, false);
+}
+
+/// Two chunks of 10 and 6 rows hold episodes of 7 and 9 rows: the second goes on in the second chunk.
+#[test]
+fn dreamer_v3_chunks_are_joined_and_their_actions_stand_where_they_were_chosen() {
+    let within = tempfile::tempdir().unwrap();
+    let set = folder(within.path(), "chunks");
+    // The names sort the other way round: what follows what is said by the names, not by their order.
+    chunk(&set.join("20240101T000009F000001-aaaa-bbbb-10.npz"), 0..10, &[0, 7, 16]);
+    chunk(&set.join("20240101T000005F000001-bbbb-0000-6.npz"), 10..16, &[16]);
+    let (recording, found) = read(&set).unwrap();
+    assert_eq!(verify_recording(&recording), []);
+    assert_eq!(found.len(), 2);
+    let rows = |range: std::ops::Range<usize>, scale: f32, plus: f32| -> Vec<f32> {
+        range.map(|row| scale * row as f32 + plus).collect()
+    };
+    for (episode, first, end) in [(&found[0], 0, 7), (&found[1], 7, 16)] {
+        assert_eq!(episode.observations, rows(first..end, 1.0, 0.0));
+        assert_eq!(episode.actions, rows(first..end - 1, 1.0, 100.0), "the action chosen after each observation");
+        assert_eq!(episode.rewards, rows(first + 1..end, 10.0, 0.0), "the reward that came with the next one");
+        assert!(episode.is_terminal);
+    }
+}
+
+#[test]
+fn a_chunk_that_is_not_what_its_name_says_and_a_mixed_folder_are_refused() {
+    let within = tempfile::tempdir().unwrap();
+    let set = folder(within.path(), "short");
+    chunk(&set.join("20240101T000000F000001-aaaa-0000-12.npz"), 0..10, &[0]);
+    let error = read(&set).unwrap_err();
+    assert!(error.contains("10 rows, its name says 12"), "{error}");
+    let set = folder(within.path(), "mixed");
+    chunk(&set.join("20240101T000000F000001-aaaa-0000-10.npz"), 0..10, &[0]);
+    chunk(&set.join("20200101T000000-abcd-10.npz"), 0..10, &[0]);
+    let error = read(&set).unwrap_err();
+    assert!(error.contains("20200101T000000-abcd-10.npz") && error.contains("one kind"), "{error}");
+}
+
+/// An episode file of the older kind whose numbers are of `descr`.
+fn file(path: &Path, descr: &str, number: fn(f64) -> Vec<u8>, more: &[(&str, Vec<u8>)], deflate: bool) {
+    let bytes = |values: [f64; 4]| values.into_iter().flat_map(number).collect::<Vec<u8>>();
+    let mut arrays = vec![
+        ("action", npy(descr, "4, 1", &bytes([0.0, 0.5, -0.5, 1.0]))),
+        ("reward", npy(descr, "4,", &bytes([0.0, 1.0, 2.0, 3.0]))),
+        ("speed", npy(descr, "4,", &bytes([0.25, 0.5, 0.75, 1.0]))),
+    ];
+    arrays.extend_from_slice(more);
+    npz(path, &arrays, deflate);
+}
+
+#[test]
+fn every_float_of_numpy_in_either_byte_order_is_read() {
+    let within = tempfile::tempdir().unwrap();
+    let kinds: [(&str, fn(f64) -> Vec<u8>); 6] = [
+        ("<f2", |x| half::f16::from_f64(x).to_le_bytes().to_vec()),
+        (">f2", |x| half::f16::from_f64(x).to_be_bytes().to_vec()),
+        ("<f4", |x| (x as f32).to_le_bytes().to_vec()),
+        (">f4", |x| (x as f32).to_be_bytes().to_vec()),
+        ("<f8", |x| x.to_le_bytes().to_vec()),
+        (">f8", |x| x.to_be_bytes().to_vec()),
+    ];
+    for (number, (descr, bytes)) in kinds.into_iter().enumerate() {
+        let set = folder(within.path(), &format!("kind-{number}"));
+        // What is not needed is not looked at: text and Python objects beside the numbers. savez_compressed deflates.
+        let more = [("note", npy("<U2", "4,", &[0; 32])), ("info", npy("|O", "4,", b"pickled"))];
+        file(&set.join("a.npz"), descr, bytes, &more, number % 2 == 1);
+        let (recording, found) = read(&set).unwrap();
+        assert_eq!(found[0].actions, [0.5, -0.5, 1.0], "{descr}");
+        assert_eq!(found[0].rewards, [1.0, 2.0, 3.0], "{descr}");
+        assert_eq!(found[0].observations, [0.25, 0.5, 0.75, 1.0], "{descr}");
+        assert_eq!(recording.episodes()[0].episode_return, 6.0);
+    }
+}
+
+#[test]
+fn helper_files_are_no_episodes_and_numbers_are_counted() {
+    let within = tempfile::tempdir().unwrap();
+    let set = folder(within.path(), "set");
+    for number in [1, 2, 10] {
+        let speed = npy("<f4", "4,", &singles(&[number as f32; 4]));
+        let arrays =
+            [("action", npy("<f4", "4, 1", &singles(&[0.0; 4]))), ("reward", npy("<f4", "4,", &singles(&[0.0; 4])))];
+        npz(&set.join(format!("episode-{number}.npz")), &[&arrays[..], &[("speed", speed)]].concat(), false);
+        fs::write(set.join(format!("._episode-{number}.npz")), b"resource fork").unwrap();
+    }
+    fs::create_dir(set.join("__MACOSX")).unwrap();
+    let (_, found) = read(&set).unwrap();
+    let order: Vec<f32> = found.iter().map(|episode| episode.observations[0]).collect();
+    assert_eq!(order, [1.0, 2.0, 10.0]);
+}
+
+#[test]
+fn a_number_that_is_none_is_refused_with_episode_and_step() {
+    let within = tempfile::tempdir().unwrap();
+    let whole = [
+        ("action", npy("<f4", "4, 2", &singles(&[0.5; 8]))),
+        ("reward", npy("<f4", "4,", &singles(&[0.5; 4]))),
+        ("speed", npy("<f4", "4,", &singles(&[0.5; 4]))),
+    ];
+    for (place, (name, shape, len)) in
+        [("action", "4, 2", 8), ("reward", "4,", 4), ("speed", "4,", 4)].into_iter().enumerate()
+    {
+        for none in [f32::NAN, f32::INFINITY] {
+            let set = folder(within.path(), &format!("{name}-{none}"));
+            npz(&set.join("a.npz"), &whole, false);
+            let mut values = vec![0.5; len];
+            values[len / 2 + 1] = none;
+            let mut broken = whole.clone();
+            broken[place].1 = npy("<f4", shape, &singles(&values));
+            npz(&set.join("b.npz"), &broken, false);
+            let error = read(&set).unwrap_err();
+            let said = if name == "speed" { "observation" } else { name };
+            assert!(error.contains("episode 1") && error.contains("b.npz"), "{error}");
+            assert!(error.contains(&format!("the {said} of step")), "{error}");
+        }
+    }
+}
+
+/// Readers of Minari fail on an episode without a step; both exports say what they leave out.
+#[test]
+fn an_episode_without_a_step_is_left_out_and_said() {
+    let within = tempfile::tempdir().unwrap();
+    let spec = spec(true);
+    let writer = RecordingWriter::create_or_resume(&within.path().join("r"), manifest(&spec, None), false).unwrap();
+    for (index, steps) in [(0, 5), (1, 0), (2, 4)] {
+        writer.write(&episode(&spec, index, None, steps, false), info(index)).unwrap();
+    }
+    let recording = writer.finish().unwrap();
+    assert!(recording.episodes()[1].episode_return.is_sign_positive(), "a return of -0");
+    for (format, episodes, left_out) in
+        [(ExportFormat::Minari, 2, 1), (ExportFormat::Lerobot, 2, 1), (ExportFormat::Parquet, 3, 0)]
+    {
+        let out = within.path().join(format!("{format:?}-v0"));
+        let report = export(&recording, format, None, &out).unwrap();
+        assert_eq!((report.episodes, report.left_out), (episodes, left_out), "{format:?}");
+    }
+    let minari = within.path().join("Minari-v0");
+    let metadata: serde_json::Value =
+        serde_json::from_slice(&fs::read(minari.join("data/metadata.json")).unwrap()).unwrap();
+    assert_eq!((&metadata["total_episodes"], &metadata["total_steps"]), (&2.into(), &9.into()));
+    assert!(!minari.join("data/2").exists(), "episodes are numbered without gaps");
+    let back = within.path().join("back");
+    let (back, _) = import(ImportFormat::Minari, &minari, &ImportOptions::default(), &back).unwrap();
+    assert_eq!(back.episodes().iter().map(|entry| entry.index).collect::<Vec<_>>(), [0, 2]);
+}
