@@ -17,6 +17,7 @@ pub mod preview;
 pub mod recorder;
 pub mod redraw;
 pub mod replay;
+pub mod returns;
 pub mod stored;
 pub mod studio;
 mod trace;

@@ -124,3 +124,25 @@ fn missing_and_broken_input_exits_with_1() {
     std::fs::write(folder.path().join("broken/manifest.json"), "{").unwrap();
     fails(folder.path(), "info broken", 1, "manifest.json");
 }
+
+/// An evaluation: every policy says its mean return, the interval and every return; a row of a grid counts once.
+#[test]
+fn a_recording_says_what_was_earned() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = |arguments: &str| -> serde_json::Value {
+        serde_json::from_str(&works(folder.path(), &format!("{arguments} --no-pixels --no-mcap --json"))).unwrap()
+    };
+    let plain = said("--policy random --episodes 5 --task cartpole-swingup -o plain");
+    let returns: Vec<f64> = plain["returns"].as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect();
+    let mean = returns.iter().sum::<f64>() / 5.0;
+    assert_eq!(returns.len(), 5);
+    assert!((plain["mean_return"].as_f64().unwrap() - mean).abs() < 1e-9);
+    let (low, high) = (plain["interval"][0].as_f64().unwrap(), plain["interval"][1].as_f64().unwrap());
+    assert!(low < mean && mean < high && ((low + high) / 2.0 - mean).abs() < 1e-9, "{plain}");
+    let manifest = Recording::open(&folder.path().join("plain")).unwrap();
+    assert_eq!(manifest.manifest().spec.pixels, None);
+    let grid = said("--policy random --grid 2x3 --steps 6 -o grid");
+    assert_eq!((&grid["episodes"], grid["returns"].as_array().unwrap().len()), (&6.into(), 2));
+    let single = said("--policy random --episodes 1 --steps 6 -o single");
+    assert!(single["interval"].is_null() && single["mean_return"].is_number(), "{single}");
+}

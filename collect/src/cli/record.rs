@@ -5,12 +5,14 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use anyhow::{Result, bail};
 use clap::Args;
+use serde::Serialize;
 use vibes_data::{Grid, Recording};
 
 use super::axis_seeds::AxisSeedArgs;
 use super::{Outcome, OutputArgs, show};
 use crate::plan::RecordOptions;
 use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, cores, record};
+use crate::returns::Returns;
 use crate::trained::acted_by;
 use vibes_env::distractors::{Axes, Difficulty, DistractorSettings};
 use vibes_env::render::Look;
@@ -198,8 +200,9 @@ pub(super) fn told(
     };
     let episodes = recording.episodes().len();
     if output.json {
-        let said = serde_json::json!({ "recording": folder, "episodes": episodes, "seconds": meter.seconds() });
-        println!("{said}");
+        let returns = Returns::of(&recording);
+        let said = Said { recording: folder, episodes, seconds: meter.seconds(), returns };
+        println!("{}", serde_json::to_string(&said)?);
     } else if !output.quiet {
         if rows.into_inner() == 0 {
             println!("all {episodes} episodes are there already and used again");
@@ -212,15 +215,29 @@ pub(super) fn told(
     Ok(Outcome::Done)
 }
 
+/// The result as JSON; the returns stand beside the others.
+#[derive(Serialize)]
+struct Said<'a> {
+    recording: &'a Path,
+    episodes: usize,
+    seconds: f64,
+    #[serde(flatten)]
+    returns: Option<Returns>,
+}
+
 #[allow(clippy::print_stdout, reason = "the command line says what it did")]
 fn say(recording: &Recording, seconds: f64) {
     let episodes = recording.episodes();
     let frames: u64 = episodes.iter().map(|entry| u64::from(entry.steps) + 1).sum();
     let size: u64 =
         episodes.iter().map(|entry| entry.arrow.bytes + entry.mcap.as_ref().map_or(0, |file| file.bytes)).sum();
-    let mean = episodes.iter().map(|entry| entry.episode_return).sum::<f64>() / episodes.len().max(1) as f64;
+    let returns = Returns::of(recording).map_or_else(String::new, |Returns { mean_return, interval, .. }| {
+        let interval =
+            interval.map_or_else(String::new, |[low, high]| format!(" (95% interval {low:.1} to {high:.1})"));
+        format!(", mean return {mean_return:.1}{interval}")
+    });
     println!(
-        "{}: {} episodes, {frames} frames, {}, mean return {mean:.1}, in {seconds:.1} s",
+        "{}: {} episodes, {frames} frames, {}{returns}, in {seconds:.1} s",
         recording.path().display(),
         episodes.len(),
         show::bytes(size)
