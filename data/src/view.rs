@@ -33,6 +33,7 @@ pub struct EpisodeView {
     video: UInt32Array,
     frame: UInt32Array,
     colors: Columns<f32>,
+    table: RecordBatch,
     pages: Pages,
 }
 
@@ -94,8 +95,14 @@ impl EpisodeView {
             video: uint("video"),
             frame: uint("frame"),
             colors: batch.column_by_name("colors").map_or_else(no_columns, |c| floats(c.as_fixed_size_list())),
+            table: batch.clone(),
             pages,
         }
+    }
+
+    /// Every column, `[T + 1]` rows, in the pages of the file: for readers that share whole columns.
+    pub fn table(&self) -> &RecordBatch {
+        &self.table
     }
 
     /// The episode's number.

@@ -91,6 +91,12 @@ impl WindowSampler {
         self.gather(&starts)
     }
 
+    /// The windows of these numbers, each below [`Self::windows`] (taken modulo that); they count episode by episode, start by start.
+    pub fn numbered(&self, numbers: &[u64]) -> WindowBatch {
+        let starts: Vec<(usize, usize)> = numbers.iter().map(|number| self.locate(number % self.windows())).collect();
+        self.gather(&starts)
+    }
+
     /// Gives the memory of the episodes' pages back until they are looked at again (see [`EpisodeView::release`]).
     pub fn release(&self) {
         self.episodes.iter().for_each(EpisodeView::release);
