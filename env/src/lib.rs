@@ -14,6 +14,7 @@ mod physics;
 mod policies;
 pub mod render;
 mod rollout;
+mod seeds;
 mod tasks;
 pub mod videos;
 
@@ -29,6 +30,7 @@ pub use gaussian::standard_normal;
 pub use physics::{ModelOverrides, Physics, Snapshot, Start};
 pub use policies::{Planner, Policy, PolicyMix, PolicySpec, Random, Replay, Sight};
 pub use rollout::{EpisodeSeeds, StateTrajectory, rollout};
+pub use seeds::{ChosenSeeds, distractor_seed, state_seed};
 pub use tasks::{
     EPISODE_CONTROL_STEPS, KNOWN_SLIDE, PlannerSettings, Sigmoid, Sinusoid, Task, Tolerance, example_tasks,
     known_reward, large_example_tasks, task_help, task_names,
