@@ -50,3 +50,17 @@ gpu-test: setup ## the model on wgpu beside flex, and that cuda compiles; not in
 	cargo clippy -p vibes-model -p vibes-train --features vibes-train/wgpu --tests -- -D warnings
 # Only types are checked, so the LLVM that a build with cuda fetches and links is left out, as on docs.rs.
 	DOCS_RS=1 cargo clippy -p vibes-train --features cuda -- -D warnings
+
+.PHONY: python python-test
+
+python: setup ## the Python package as a wheel that needs only numpy
+	python3 -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$(CARGO_TARGET_DIR)/wheels" ./python
+
+PYTHON_TEST ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/vibes-toolkit/python-test
+
+python-test: build python ## the Python package with Gymnasium, dm_env, Stable-Baselines3, TorchRL and PyTorch, in an environment outside the clone
+	[ -x "$(PYTHON_TEST)/bin/pytest" ] || { python3 -m venv "$(PYTHON_TEST)" && "$(PYTHON_TEST)/bin/pip" install --quiet --requirement python/tests/requirements.txt; }
+	"$(PYTHON_TEST)/bin/pip" install --quiet --no-deps --force-reinstall "$(CARGO_TARGET_DIR)"/wheels/vibes-*.whl
+	"$(PYTHON_TEST)/bin/mypy" --strict python/package
+	"$(PYTHON_TEST)/bin/pytest" -q python/tests
+	"$(PYTHON_TEST)/bin/python" notebooks/run.py 05

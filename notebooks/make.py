@@ -1,4 +1,4 @@
-"""Writes the four notebooks from the cells below, so that they can be read and reviewed as text: python notebooks/make.py"""
+"""Writes the notebooks from the cells below, so that they can be read and reviewed as text: python notebooks/make.py"""
 import json
 from pathlib import Path
 
@@ -42,6 +42,25 @@ NOTEBOOKS = {
         "As Arrow, or as NumPy: both are read.",
         "work = Path(tempfile.mkdtemp())\nrows.drop('pixels').with_columns(latent=pl.Series(latents.tolist())).write_ipc(work / 'latents.arrow', compression='uncompressed')\nnp.savez(work / 'latents.npz', episode=rows['episode'].to_numpy(), step=rows['step'].to_numpy(), latent=latents)",
         "import json\nfor name in ['latents.arrow', 'latents.npz']:\n    done = subprocess.run(['vibes-analyze', 'nn', '--queries', '4', '--json', '--quiet', '--latents', work / name, '--recording', recording, '-o', work / name[8:]], capture_output=True, text=True)\n    assert done.returncode == 0, done.stderr\n    print(name, json.loads(done.stdout)['state_error'])",
+    ],
+    "05-train-an-encoder-in-pytorch": [
+        "# Train an encoder in PyTorch\nThe environments from Python, a small encoder of your own, and the toolkit's measures of what its latents hold. Needs the package `vibes` (`pip install ./python`) and PyTorch; about a minute on two cores.",
+        "import numpy as np\nimport torch\nimport vibes\nfrom vibes import measures\nrng = np.random.default_rng(0)\ntorch.manual_seed(0)\nvibes.tasks()",
+        "Many environments at once, without a process of Python's own for each. Random actions, pictures of 32 pixels, the training videos.",
+        "many = vibes.make_vec('cartpole-swingup', 16, size=32, observation='both', seed=0)\nseen, _ = many.reset()\npixels, states = [seen['pixels']], [seen['state']]\nfor _ in range(200):\n    seen, reward, terminated, truncated, info = many.step(many.action_space.sample())\n    pixels.append(seen['pixels'])\n    states.append(seen['state'])\nmany.close()\npixels, states = np.concatenate(pixels), np.concatenate(states)\npixels.shape, states.shape",
+        "A grid to look at: six state trajectories under six distractor trajectories with held-out videos. Every cell of a row gets the same actions, so that it is the same physics in other pictures.",
+        "STATES, DISTRACTORS, STEPS = 6, 6, 40\ncells = [(i, j) for i in range(STATES) for j in range(DISTRACTORS)]\nworld = vibes.World('cartpole-swingup', environments=len(cells), size=32, video_set='val', seed=1)\nrows = [world.reset_to([(1, i, j) for i, j in cells])]\nfor _ in range(STEPS):\n    action = rng.uniform(-1, 1, (STATES, 1)).repeat(DISTRACTORS, axis=0)\n    rows.append(world.step(action))\nworld.close()\ngrid_pixels = np.stack([row['pixels'] for row in rows], 1)\ngrid_states = np.stack([row['state'] for row in rows], 1)\ngrid_pixels.shape",
+        "The keys of the grid's rows, for the measures.",
+        "i, j = np.array(cells).T[:, :, None] + np.zeros((1, 1, STEPS + 1), int)\nkeys = {'episode': i * DISTRACTORS + j, 'step': np.broadcast_to(np.arange(STEPS + 1), i.shape), 'state': i, 'distractor': j}\nkeys = {name: values.ravel() for name, values in keys.items()}",
+        "The encoder: four convolutions to 16 numbers. It learns to tell the cart's position and the pole's angle from the picture, whatever the distractors.",
+        "import torch.nn as nn\nencoder = nn.Sequential(\n    nn.Conv2d(3, 16, 4, 2), nn.ReLU(), nn.Conv2d(16, 32, 4, 2), nn.ReLU(), nn.Conv2d(32, 32, 3, 1), nn.ReLU(), nn.Flatten(), nn.Linear(32 * 16, 16))\nhead = nn.Sequential(nn.ReLU(), nn.Linear(16, 3))\n\ndef to_images(pixels):\n    return torch.from_numpy(pixels).permute(0, 3, 1, 2).float() / 255 - 0.5\n\n@torch.no_grad()\ndef latents():\n    return encoder(to_images(grid_pixels.reshape(-1, 32, 32, 3))).numpy()\n\nbefore = measures.Table(latents(), **keys)",
+        "optimizer = torch.optim.Adam([*encoder.parameters(), *head.parameters()], lr=1e-3)\nimages, targets = to_images(pixels), torch.from_numpy(states[:, :3])\nlosses = []\nfor update in range(400):\n    batch = torch.from_numpy(rng.integers(0, len(images), 128))\n    loss = (head(encoder(images[batch])) - targets[batch]).pow(2).mean()\n    optimizer.zero_grad()\n    loss.backward()\n    optimizer.step()\n    losses.append(loss.item())\nafter = measures.Table(latents(), **keys)\nnp.mean(losses[:20]), np.mean(losses[-20:])",
+        "How much of the latents' variance is the state's, how much the distractor's? The 95% intervals are over the grid's trajectories. Six are few.",
+        "for name, table in [('before training', before), ('after', after)]:\n    shares = measures.variance_shares(table)\n    print(name, {kind: tuple(round(shares[kind][end], 2) for end in ('estimate', 'low', 'high')) for kind in ('state', 'distractor', 'interaction')})\nassert measures.variance_shares(after)['state']['estimate'] > measures.variance_shares(before)['state']['estimate']",
+        "Is the nearest row among the other cells of the same step one of the same state? And what can be read from the latents?",
+        "for name, table in [('before training', before), ('after', after)]:\n    found = measures.retrieval(table, k=1)\n    quantities = {'cosine of the pole': grid_states.reshape(-1, 5)[:, 1].astype(float), 'distractor': keys['distractor']}\n    scores = measures.probes(table, quantities)\n    print(name, 'retrieval', round(found['found']['estimate'], 2), 'chance', round(found['chance'], 2), {score['quantity']: round(score['score']['estimate'], 2) for score in scores if score['probe'] == 'linear'})",
+        "A map of the latents, for any plotting library. The nearest rows of other trajectories are found exactly.",
+        "map_of = measures.umap(after, seed=0)\nnear = measures.neighbours(after, [0, 100], k=3)\nmap_of['positions'].shape, round(map_of['trustworthiness'], 3), near['rows'].tolist()",
     ],
 }
 

@@ -57,6 +57,7 @@ const PACKAGES: &[(&str, &[&[&str]])] = &[
             ],
         ],
     ),
+    ("python", &[&["vibes-data", "vibes-env", "vibes-measure", "numpy", "pyo3", "pythonize"]]),
     ("tests", &[&["regex-syntax"]]),
 ];
 

@@ -1,0 +1,40 @@
+"""Environments, recordings, measures and trained models of the VIBES toolkit, as numpy arrays.
+
+    import vibes
+
+    env = vibes.make("reacher-easy", difficulty="easy", seed=0)         # Gymnasium; make_dm for dm_env, make_vec for many at once
+    recording = vibes.open("recordings/reacher-easy-10x10")             # episodes and training windows
+    table = vibes.measures.Table(latents, recording=recording)
+    shares = vibes.measures.variance_shares(table)                      # what the latents hold, with intervals
+
+Everything works with numpy alone except ``make`` and ``make_vec``, which need Gymnasium, and ``make_dm``, which needs dm_env. Whatever goes wrong
+raises :class:`vibes.Error` with the toolkit's own message.
+"""
+
+from . import measures
+from ._vibes import Error, __version__
+from .make import make, make_dm, make_vec, tasks
+from .recordings import Episode, Recording, WindowDataset, Windows, open, windows
+from .registry import register
+from .world import World
+from .writer import Writer
+
+register()
+
+__all__ = [
+    "Episode",
+    "Error",
+    "Recording",
+    "WindowDataset",
+    "Windows",
+    "World",
+    "Writer",
+    "__version__",
+    "make",
+    "make_dm",
+    "make_vec",
+    "measures",
+    "open",
+    "tasks",
+    "windows",
+]

@@ -1,0 +1,99 @@
+"""One environment for Gymnasium.
+
+In: actions ``[action]`` in the task's own units. Out: observations, rewards summed over the action repeat. The suite's tasks never end by themselves:
+after 1000 control steps ``truncated`` is true.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from . import _vibes
+from .world import World, checked_number, checked_seed, open_world
+
+def observation_space(world: World, observation: str) -> spaces.Space[Any]:
+    """Pixels uint8 ``[size, size, 3]``, the task's vector float32 ``[observation]``, or both under those names."""
+    state = spaces.Box(-np.inf, np.inf, (world.state_size,), np.float32)
+    if observation == "state":
+        return state
+    size = world.spec["pixels"]
+    pixels = spaces.Box(0, 255, (size["height"], size["width"], 3), np.uint8)
+    return pixels if observation == "pixels" else spaces.Dict({"pixels": pixels, "state": state})
+
+
+def action_space(world: World) -> spaces.Box:
+    """The task's own bounds, float32 ``[action]``."""
+    low, high = world.action_bounds
+    return spaces.Box(low, high, dtype=np.float32)
+
+
+class Environment(gymnasium.Env[Any, NDArray[np.float32]]):
+    """A task of the Distracting Control Suite; see :func:`vibes.make` for the arguments."""
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 25}
+
+    def __init__(
+        self, task: str = "reacher-easy", *, observation: str = "pixels", render_mode: str | None = None, **options: Any
+    ) -> None:
+        self.world = open_world(observation, render_mode, {"task": task, **options})
+        self.render_mode = render_mode
+        self.observation_space = observation_space(self.world, observation)
+        self.action_space = action_space(self.world)
+        spec = self.world.spec
+        self.metadata = self.metadata | {"render_fps": round(1 / (spec["control_timestep"] * spec["action_repeat"]))}
+        self._kind = observation
+        self._draw = observation != "state"
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Begins the next episode; with ``seed`` episode 0 of a recording of that seed.
+
+        Args:
+            seed: of the recording; the episodes after this one are its next ones.
+            options: ``{"episode": i}`` begins episode i; ``{"state": i, "distractor": j}`` state trajectory i under distractor trajectory j, as the
+                cell of a grid.
+
+        Returns:
+            The observation, and ``{"episode_number": i}``.
+        """
+        super().reset(seed=None if seed is None else checked_seed(seed))
+        options = options or {}
+        if unknown := set(options) - {"episode", "state", "distractor"}:
+            raise _vibes.Error(f"unknown reset options {sorted(map(str, unknown))}; known are episode, state, distractor")
+        if seed is not None:
+            self.world.seek(0, seed=seed)
+        if "episode" in options:
+            self.world.seek(checked_number(options["episode"]))
+        if "state" in options or "distractor" in options:
+            state = checked_number(options.get("state", 0))
+            rows = self.world.reset_to([(self.world.seed, state, options.get("distractor", state))], draw=self._draw)
+        else:
+            rows = self.world.reset(draw=self._draw)
+        return self._observation(rows), {"episode_number": int(self.world.episodes[0])}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One agent step: the action ``[action]`` is held for the action repeat.
+
+        Returns:
+            The observation, the reward summed over the repeat, terminated (never), truncated (after 1000 control steps), ``{}``.
+        """
+        rows = self.world.step(np.asarray(action, np.float32)[None], draw=self._draw)
+        return self._observation(rows), float(rows["reward"][0]), False, bool(rows["is_last"][0]), {}
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The present picture, uint8 ``[size, size, 3]``; None unless made with ``render_mode="rgb_array"``."""
+        pictures = self.world.pictures() if self.render_mode == "rgb_array" else None
+        return None if pictures is None else pictures[0]
+
+    def close(self) -> None:
+        """Ends the environment's thread."""
+        self.world.close()
+
+    def _observation(self, rows: dict[str, NDArray[Any]]) -> Any:
+        if self._kind == "both":
+            return {"pixels": rows["pixels"][0], "state": rows["state"][0]}
+        return rows[self._kind][0]

@@ -1,0 +1,290 @@
+"""The toolkit's measures on numpy arrays: one definition of every number, the same that ``vibes-train evaluate`` and ``vibes-analyze`` print.
+
+In: latents ``[rows, dims]`` of any model with the key of every row (:class:`Table`). Out: plain dictionaries. Wherever a number has an interval, it is a
+dictionary of ``estimate``, ``low`` and ``high``, the 95% interval over state and distractor trajectories (not a number where there are too few to say).
+
+    table = vibes.measures.Table(latents, recording=recording)
+    vibes.measures.variance_shares(table)["distractor"]["estimate"]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _vibes
+from .world import checked_number, checked_seed
+
+if TYPE_CHECKING:
+    from .recordings import Recording
+
+Numbers = dict[str, Any]
+
+
+class Table:
+    """Latents with the key of every row, and on a grid the row's cell.
+
+    Args:
+        latents: ``[rows, dims]``, float32; every value finite.
+        recording: the recording whose rows these are, all episodes one after the other with all their T + 1 rows. Gives the keys and the cells.
+        episode, step: ``[rows]`` each; instead of ``recording``.
+        state, distractor: ``[rows]`` each, the row's cell in the grid; left out, or -1 in rows that have none.
+
+    Raises:
+        vibes.Error: columns of other lengths, no rows, a value that is not finite.
+    """
+
+    def __init__(
+        self,
+        latents: ArrayLike,
+        *,
+        recording: Recording | None = None,
+        episode: ArrayLike | None = None,
+        step: ArrayLike | None = None,
+        state: ArrayLike | None = None,
+        distractor: ArrayLike | None = None,
+    ) -> None:
+        self.latents: NDArray[np.float32] = np.asarray(latents, np.float32)
+        if self.latents.ndim != 2:
+            raise _vibes.Error(f"latents of shape {self.latents.shape}; right is [rows, dims]")
+        if recording is not None:
+            keys = row_keys(recording)
+        elif episode is not None and step is not None:
+            keys = {"episode": episode, "step": step, "state": state, "distractor": distractor}
+        else:
+            raise _vibes.Error("a table needs the key of every row; give recording, or episode and step")
+        self.episode, self.step = counts("episode", keys["episode"]), counts("step", keys["step"])
+        grid = None
+        if keys["state"] is not None and keys["distractor"] is not None:
+            grid = (np.asarray(keys["state"], np.int64), np.asarray(keys["distractor"], np.int64))
+        self._native = _vibes.Table(self.latents, self.episode, self.step, grid)
+
+    def __len__(self) -> int:
+        return len(self.latents)
+
+
+def row_keys(recording: Recording) -> dict[str, NDArray[Any] | None]:
+    """``episode``, ``step``, ``state`` and ``distractor`` of every row of a recording, episode after episode; the last two None without a grid."""
+    entries = recording.manifest["episodes"]
+    rows = [entry["steps"] + 1 for entry in entries]
+    cells = [entry["cell"] or {"state": -1, "distractor": -1} for entry in entries]
+    has_grid = any(entry["cell"] for entry in entries)
+    return {
+        "episode": np.repeat([entry["index"] for entry in entries], rows),
+        "step": np.concatenate([np.arange(count) for count in rows]) if rows else np.zeros(0, int),
+        "state": np.repeat([cell["state"] for cell in cells], rows) if has_grid else None,
+        "distractor": np.repeat([cell["distractor"] for cell in cells], rows) if has_grid else None,
+    }
+
+
+def counts(name: str, values: ArrayLike) -> NDArray[np.uint32]:
+    """Whole numbers from 0 as the tables keep them."""
+    array = np.asarray(values)
+    if array.ndim != 1 or array.dtype.kind not in "iu" or (array.size and (array.min() < 0 or array.max() >= 2**32)):
+        raise _vibes.Error(f"{name} of type {array.dtype} and shape {array.shape}; right is [rows], whole numbers from 0 to 2**32 - 1")
+    return array.astype(np.uint32)
+
+
+def grid_numbers(
+    table: Table, *, past_actions: Table | None = None, k: Sequence[int] = (1, 5), tolerance: int = 2, queries: int = 2000, seed: int = 0
+) -> dict[str, Numbers]:
+    """All numbers of a grid by name: retrieval_same_step@k, retrieval_any_step@k, state_share, distractor_share, interaction_share,
+    within_state_share, denoising_factor and effective_rank.
+
+    Each is a dictionary of estimate, low, high, ``chance`` (latents that say nothing) and ``past_actions`` (the same number of the action-only control).
+
+    Args:
+        table: latents of a grid.
+        past_actions: features of past actions as another table of the same rows; see :func:`past_actions_table`.
+        k: neighbours looked at by the retrievals.
+        tolerance: retrieval_any_step: steps that a neighbour of the same state may be away.
+        queries: retrieval_any_step: most rows to ask for.
+        seed: of what is drawn.
+    """
+    control = None if past_actions is None else past_actions._native
+    counted = [checked_number(number) for number in k]
+    return table._native.grid_numbers(control, counted, checked_number(tolerance), checked_number(queries), checked_seed(seed))
+
+
+def variance_shares(table: Table) -> Numbers:
+    """How much of the latents' variance the state explains, the distractor, and neither alone.
+
+    Returns:
+        ``state``, ``distractor``, ``interaction`` (they add up to 1), ``within_state`` (0 for a latent that ignores distractors), ``by_step``, and
+        ``of_noise``: what noise would give.
+    """
+    return table._native.variance_shares()
+
+
+def denoising_factor(table: Table, *, seed: int = 0) -> Numbers:
+    """How much of the distance between two states' latents the distractors do not add; an interval. measure/src/invariance/denoising.rs defines it."""
+    return table._native.denoising_factor(checked_seed(seed))
+
+
+def retrieval(table: Table, *, among: str = "same_step", k: int = 1, tolerance: int = 2, queries: int = 2000, seed: int = 0) -> Numbers:
+    """How often a row of the same state under another distractor is among a latent's ``k`` nearest.
+
+    Args:
+        table: latents of a grid.
+        among: same_step (candidates: all other cells at that step) or any_step (all rows under another distractor; at most ``tolerance`` steps away
+            counts as found).
+        k: neighbours looked at.
+        tolerance, queries: of any_step.
+        seed: of what is drawn.
+
+    Returns:
+        ``found`` with its interval, ``chance``, ``k``, ``queries``.
+    """
+    if among not in ("same_step", "any_step"):
+        raise _vibes.Error(f"unknown candidates {among!r}, choose one of: same_step, any_step")
+    words = (checked_number(k), checked_number(tolerance), checked_number(queries), checked_seed(seed))
+    return table._native.retrieval(among == "same_step", *words)
+
+
+def neighbours(
+    table: Table, queries: ArrayLike | None = None, *, k: int = 5, exclude: str = "trajectory", metric: str = "standardized"
+) -> dict[str, NDArray[Any]]:
+    """The ``k`` nearest rows of each query, nearest first, exactly.
+
+    Args:
+        table: the latents.
+        queries: row numbers ``[queries]``; all rows unless given.
+        k: how many.
+        exclude: trajectory (no rows of the query's own episode) or itself.
+        metric: standardized (each dimension over its standard deviation), euclidean or cosine.
+
+    Returns:
+        ``rows`` int64 and ``distances`` float64, ``[queries, k]`` each.
+    """
+    asked = np.arange(len(table)) if queries is None else np.asarray(queries)
+    if asked.ndim != 1 or asked.dtype.kind not in "iu":
+        raise _vibes.Error(f"queries of type {asked.dtype} and shape {asked.shape}; right is [queries], row numbers")
+    rows, distances = table._native.neighbours(asked.astype(np.int64), checked_number(k), exclude, metric)
+    return {"rows": rows, "distances": distances}
+
+
+def probes(
+    table: Table,
+    quantities: Mapping[str, ArrayLike],
+    *,
+    fit_on: tuple[Table, Mapping[str, ArrayLike]] | None = None,
+    hold_out: Mapping[str, str] | None = None,
+    folds: int = 5,
+    k: int = 10,
+    seed: int = 0,
+) -> list[Numbers]:
+    """What can be read from the latents, by a linear probe and a k-nearest-neighbours one, judged on trajectories they have not seen.
+
+    Args:
+        table: the latents.
+        quantities: values ``[rows]`` by name. Floats are numbers, scored by R²; whole numbers and booleans are classes, scored by accuracy.
+        fit_on: another table and the same quantities of it, to fit probes of numbers on (the training recordings, say).
+        hold_out: of single quantities what is held out together: state (trajectories, unless given), episode or distractor.
+        folds: into which a table's own trajectories are cut.
+        k: neighbours of the kNN probe.
+        seed: of what is drawn.
+
+    Returns:
+        For each quantity and probe: ``quantity``, ``probe`` (linear, knn), ``measure``, ``score`` and ``shuffled`` with intervals, ``chance``, ``groups``.
+    """
+    hold_out = dict(hold_out or {})
+    if unknown := set(hold_out) - set(quantities):
+        raise _vibes.Error(f"hold_out names {sorted(map(str, unknown))}, which are no quantities")
+    read = {str(name): quantity(str(name), values, hold_out.get(name, "state")) for name, values in quantities.items()}
+    fitted = None
+    if fit_on is not None:
+        other, theirs = fit_on
+        fitted = (other._native, {str(name): quantity(str(name), values, hold_out.get(name, "state")) for name, values in theirs.items()})
+    return table._native.probes(read, fitted, checked_number(folds), checked_number(k), checked_seed(seed))
+
+
+def quantity(name: str, values: ArrayLike, hold_out: str) -> tuple[NDArray[np.float64], bool, str]:
+    """A quantity as the probes take it: values, whether they are classes, what is held out together."""
+    array = np.asarray(values)
+    is_class = array.dtype.kind in "iub"
+    if array.ndim != 1 or array.dtype.kind not in "iubf":
+        raise _vibes.Error(f"{name} of type {array.dtype} and shape {array.shape}; right is [rows], numbers or classes")
+    if is_class and array.size and (int(array.min()) < 0 or int(array.max()) >= 2**32):
+        raise _vibes.Error(f"{name} holds classes from {array.min()} to {array.max()}; classes are numbered from 0 to 2**32 - 1")
+    return array.astype(np.float64), is_class, hold_out
+
+
+def umap(
+    table: Table,
+    *,
+    neighbours: int | None = None,
+    min_dist: float = 0.1,
+    spread: float = 1.0,
+    epochs: int | None = None,
+    metric: str = "standardized",
+    seed: int = 0,
+) -> Numbers:
+    """A map of the latents in which neighbours stay neighbours; the same for the same seed, whatever the number of threads.
+
+    Args:
+        table: the latents.
+        neighbours: size of a neighbourhood, the point itself included; 15 unless given, or all rows of a smaller table.
+        min_dist, spread: how close points may lie, and the scale of the map.
+        epochs: rounds; 500, above 10,000 rows 200, unless given.
+        metric: as in :func:`neighbours`.
+        seed: of start and layout.
+
+    Returns:
+        ``positions`` float32 ``[rows, 2]``, ``trustworthiness`` and ``kept`` (share of the neighbours that the map keeps; None of three rows or fewer).
+    """
+    rounds = None if epochs is None else checked_number(epochs)
+    size = None if neighbours is None else checked_number(neighbours)
+    return table._native.umap(size, float(min_dist), float(spread), rounds, metric, checked_seed(seed))
+
+
+def symmetry(
+    table: Table, joints: ArrayLike, targets: ArrayLike, pixels: ArrayLike, *, tolerance: float = 0.02, pairs: int = 500, seed: int = 0
+) -> Numbers:
+    """Reacher: whether a latent is the same for a state and its rotation about the origin.
+
+    Args:
+        table: the latents.
+        joints: angles of shoulder and wrist ``[rows, 2]``, radians: ``qpos``.
+        targets: position of the goal ``[rows, 2]``, metres.
+        pixels: the pictures ``[rows, …]``, to find rows that look as different.
+        tolerance: most that two states may differ in the frame of the arm, metres.
+        pairs: most pairs to compare.
+        seed: of what is drawn.
+
+    Returns:
+        With intervals: ``ratio`` (latent distance of rotated pairs over that of rows that look as different: 0 is symmetric, 1 is not), ``percentile``
+        (share of the rows that look as different whose latents are farther away than the rotation's) and ``percentile_equal_distance`` (the same among
+        rows of equal distance to the target); and the ``pairs``.
+    """
+    images = np.asarray(pixels)
+    images = images.reshape(len(images), -1) if images.ndim else images.reshape(1, 1)
+    arrays = (np.atleast_2d(np.asarray(joints, np.float64)), np.atleast_2d(np.asarray(targets, np.float64)), images.astype(np.float32))
+    return table._native.symmetry(*arrays, float(tolerance), checked_number(pairs), checked_seed(seed))
+
+
+def effective_rank(table: Table) -> Numbers:
+    """How many dimensions the cloud of latents fills: ``effective_rank`` and the total ``variance``."""
+    return table._native.effective_rank()
+
+
+def past_actions(actions: ArrayLike) -> NDArray[np.float32]:
+    """The action-only control: what an encoder could know that sees nothing but past actions.
+
+    Args:
+        actions: one episode's, ``[T, action]``.
+
+    Returns:
+        Features of every row, ``[T + 1, features]``: the last eight actions, running averages with four memories, and the step.
+    """
+    array = np.asarray(actions, np.float32)
+    if array.ndim != 2:
+        raise _vibes.Error(f"actions of shape {array.shape}; right is [T, action]")
+    return _vibes.past_actions(array)
+
+
+def past_actions_table(recording: Recording) -> Table:
+    """The action-only control of every row of a recording."""
+    return Table(np.concatenate([past_actions(episode.action) for episode in recording]), recording=recording)

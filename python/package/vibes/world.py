@@ -1,0 +1,227 @@
+"""The environments themselves, with numpy alone: any number of them behind one object, drawn on all cores without Python processes.
+
+In: what to show (:class:`World`), actions ``[environments, action]``. Out: rows as dictionaries of arrays. ``make``, ``make_dm`` and ``make_vec`` dress
+a world as what Gymnasium and dm_env expect.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _vibes
+
+if TYPE_CHECKING:
+    from .writer import Writer
+
+Rows = dict[str, NDArray[Any]]
+"""A row of every environment: ``pixels`` uint8 ``[environments, size, size, 3]``, ``state`` float32 ``[environments, observation]``, ``reward``
+float64 ``[environments]`` (summed over the action repeat), ``is_last`` bool ``[environments]``."""
+
+EpisodeKey = tuple[int, int, int]
+"""Which episode: the recording's seed, its state trajectory, its distractor trajectory."""
+
+
+class World:
+    """Environments of one task under distractors, each on its own episode.
+
+    Environment ``i`` of ``n`` plays the episodes ``i``, ``i + n``, ``i + 2 n``, … of a recording of this seed: the same starts, distractors, rewards and
+    pictures that ``vibes-collect --seed SEED`` records, given the same actions.
+
+    Args:
+        task: ball_in_cup-catch, cartpole-swingup, cheetah-run, finger-spin, reacher-easy, walker-walk or swimmer-N.
+        environments: how many.
+        threads: threads that simulate and draw; one per core unless given.
+        difficulty: how far the distractors go: easy, medium or hard, as in the Distracting Control Suite.
+        dynamic: whether they move during an episode.
+        distract: which of background, camera and color; "all" or "none" as well.
+        videos: folder of background videos, ``DIR/VIDEO/FRAME.jpg`` as in DAVIS; procedural ones unless given.
+        video_set: train or val.
+        video_count: how many of them; the suite's number for the difficulty unless given (4, 8, all).
+        size: side of the pictures in pixels; None draws none and asks for no EGL.
+        action_repeat: control steps an action is held; the task's own number unless given.
+        render: fast, or suite for pixels as the Distracting Control Suite's own.
+        raw_torques: one torque per joint of the swimmer instead of its four-parameter wave.
+        seed: of the recording whose episodes are played.
+        background_seed, camera_seed, color_seed: of single axes, instead of ``seed``.
+
+    Raises:
+        vibes.Error: a name that is not known, a number out of range, videos that cannot be read, a machine that cannot draw.
+    """
+
+    def __init__(
+        self,
+        task: str = "reacher-easy",
+        *,
+        environments: int = 1,
+        threads: int | None = None,
+        difficulty: str = "easy",
+        dynamic: bool = True,
+        distract: str | Iterable[str] | None = ("background", "camera", "color"),
+        videos: str | os.PathLike[str] | None = None,
+        video_set: str = "train",
+        video_count: int | None = None,
+        size: int | None = 64,
+        action_repeat: int | None = None,
+        render: str = "fast",
+        raw_torques: bool = False,
+        seed: int = 0,
+        background_seed: int | None = None,
+        camera_seed: int | None = None,
+        color_seed: int | None = None,
+    ) -> None:
+        axes = {"background": background_seed, "camera": camera_seed, "color": color_seed}
+        options = {
+            "task": task,
+            "difficulty": difficulty,
+            "dynamic": bool(dynamic),
+            "distract": distract.split(",") if isinstance(distract, str) else list(distract or ()),
+            "videos": None if videos is None else os.fspath(videos),
+            "video_set": video_set,
+            "video_count": video_count,
+            "size": size,
+            "action_repeat": action_repeat,
+            "render": render,
+            "raw_torques": bool(raw_torques),
+            "axis_seeds": {name: checked_seed(value) for name, value in axes.items() if value is not None},
+        }
+        self.seed = checked_seed(seed)
+        self._native = _vibes.World(options, environments, threads)
+        self._environments = environments
+        self._begun = np.full(environments, -1, np.int64)
+        self._next = list(range(environments))
+        self.spec: dict[str, Any] = self._native.spec()
+        """The shape of a row: task, ``action`` bounds, parts of the ``observation``, ``control_timestep`` in seconds, ``action_repeat``."""
+
+    @property
+    def environments(self) -> int:
+        """How many environments."""
+        return self._environments
+
+    @property
+    def threads(self) -> int:
+        """How many threads simulate and draw."""
+        return self._native.threads
+
+    @property
+    def episode_steps(self) -> int:
+        """Agent steps of a whole episode: 1000 control steps."""
+        return self._native.episode_steps
+
+    @property
+    def videos(self) -> list[dict[str, Any]]:
+        """The background videos in use: name, set, number of frames."""
+        return self._native.videos()
+
+    @property
+    def episodes(self) -> NDArray[np.int64]:
+        """The number of each environment's episode, ``[environments]``; -1 before the first."""
+        return self._begun.copy()
+
+    @property
+    def action_bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Lowest and highest action, ``[action]`` each, in the task's own units."""
+        action = self.spec["action"]
+        return np.asarray(action["min"], np.float32), np.asarray(action["max"], np.float32)
+
+    @property
+    def state_size(self) -> int:
+        """Numbers in the vector observation."""
+        return sum(part["len"] for part in self.spec["observation"])
+
+    def seek(self, first: int = 0, *, seed: int | None = None) -> None:
+        """The next ``reset`` begins with episode ``first`` (environment ``i`` with ``first + i``), of a recording of ``seed`` if it is given."""
+        if seed is not None:
+            self.seed = checked_seed(seed)
+        self._next = [checked_number(first + i) for i in range(self._environments)]
+
+    def reset(self, which: Sequence[bool] | NDArray[np.bool_] | None = None, *, draw: bool = True) -> Rows:
+        """Begins the next episode of every environment, or of those of ``which`` ``[environments]``.
+
+        Args:
+            which: the environments; all unless given.
+            draw: whether pictures are drawn; without, the rows have no ``pixels``.
+        """
+        chosen = np.ones(self._environments, bool) if which is None else np.asarray(which, bool)
+        return self._native.reset(self._advance(chosen), draw)
+
+    def reset_to(self, keys: Sequence[EpisodeKey | None], *, draw: bool = True) -> Rows:
+        """Begins given episodes, one of (seed, state trajectory, distractor trajectory) for every environment, or None for those that go on."""
+        keys = [None if key is None else (checked_seed(key[0]), checked_number(key[1]), checked_number(key[2])) for key in keys]
+        rows = self._native.reset(keys, draw)
+        for i, key in enumerate(keys):
+            if key is not None:
+                self._begun[i] = key[1]
+        return rows
+
+    def step(self, actions: ArrayLike, reset: NDArray[np.bool_] | None = None, *, draw: bool = True) -> Rows:
+        """One agent step of every environment.
+
+        Args:
+            actions: ``[environments, action]``; they are executed in single precision, as a recording keeps them.
+            reset: environments ``[environments]`` that begin their next episode instead; their action is not looked at, their reward is 0.
+            draw: whether pictures are drawn.
+
+        Raises:
+            vibes.Error: an action that is not finite or of another shape, an episode that is over or has not begun, an unstable simulation.
+        """
+        keys = None if reset is None or not reset.any() else self._advance(reset)
+        return self._native.step(np.asarray(actions, np.float32), keys, draw)
+
+    def pictures(self) -> NDArray[np.uint8] | None:
+        """The present pictures, ``[environments, size, size, 3]``; None of a world without pictures."""
+        return self._native.pictures()
+
+    def keep(self, writer: Writer | None) -> None:
+        """Keeps every episode that begins from now on and is played to its end in ``writer``'s recording; None stops that."""
+        self._native.keep(None if writer is None else writer._native)
+
+    def close(self) -> None:
+        """Ends the threads and frees their memory; using the world afterwards raises."""
+        self._native.close()
+
+    def _advance(self, chosen: NDArray[np.bool_]) -> list[EpisodeKey | None]:
+        if chosen.shape != (self._environments,):
+            raise _vibes.Error(f"a choice of shape {chosen.shape}; right is [{self._environments}]")
+        keys: list[EpisodeKey | None] = [None] * self._environments
+        for i in np.flatnonzero(chosen):
+            number = checked_number(self._next[i])
+            keys[i] = (self.seed, number, number)
+            self._begun[i] = number
+            self._next[i] = number + self._environments
+        return keys
+
+
+KINDS = ("pixels", "state", "both")
+
+
+def open_world(observation: str, render_mode: str | None, options: dict[str, Any]) -> World:
+    """A world that draws only where somebody looks."""
+    if observation not in KINDS:
+        raise _vibes.Error(f"unknown observation {observation!r}; known are {', '.join(KINDS)}")
+    if render_mode not in (None, "rgb_array"):
+        raise _vibes.Error(f"unknown render_mode {render_mode!r}; known are None, rgb_array")
+    if observation == "state" and render_mode is None:
+        options = options | {"size": None}
+    world = World(**options)
+    if observation != "state" and world.spec["pixels"] is None:
+        raise _vibes.Error(f"size None with observation {observation!r}; pictures have a size, or choose observation='state'")
+    return world
+
+
+def checked_seed(seed: Any) -> int:
+    """A seed, or what would be one."""
+    if isinstance(seed, (bool, np.bool_)) or not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**64:
+        raise _vibes.Error(f"the seed {seed!r}; a seed is a whole number from 0 to 2**64 - 1")
+    return int(seed)
+
+
+def checked_number(number: Any) -> int:
+    """The number of an episode or trajectory, or what would be one."""
+    if isinstance(number, (bool, np.bool_)) or not isinstance(number, (int, np.integer)) or not 0 <= number < 2**32:
+        raise _vibes.Error(f"the number {number!r}; episodes and trajectories are numbered from 0 to 2**32 - 1")
+    return int(number)

@@ -1,0 +1,328 @@
+//! The measures of `vibes-measure` on arrays: one definition of every number, whoever asks.
+//!
+//! In: latents `[rows, dims]` with the key of every row. Out: the measure's own result as a dictionary, numbers with their intervals.
+
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+use vibes_measure::invariance::{
+    Grid, RetrievalOptions, denoising_factor, retrieval_any_step, retrieval_same_step, variance,
+};
+use vibes_measure::neighbours::{Exclude, Metric, Space, nearest};
+use vibes_measure::numbers::{GridOptions, grid_numbers};
+use vibes_measure::past_actions::{past_action_dims, past_action_features};
+use vibes_measure::probes::{Fit, HoldOut, ProbeOptions, Quantity, Sample, Values, probe};
+use vibes_measure::quality::{QualityOptions, quality};
+use vibes_measure::spectrum::spectrum;
+use vibes_measure::symmetry::{ReacherState, SymmetryOptions, matches, rotated_pairs, symmetry};
+use vibes_measure::umap::{UmapOptions, umap};
+
+use crate::arrays::shaped;
+use crate::error::{affordable, refused, unlocked};
+
+/// Latents with the key of every row, owned: whatever Python does to its arrays meanwhile changes nothing.
+#[pyclass(frozen, module = "vibes._vibes")]
+#[derive(Debug)]
+pub(crate) struct Table {
+    dims: usize,
+    values: Vec<f32>,
+    episode: Vec<u32>,
+    step: Vec<u32>,
+    grid: Option<[Vec<Option<u32>>; 2]>,
+}
+
+impl Table {
+    fn table(&self) -> Result<vibes_measure::Table<'_>, vibes_measure::Error> {
+        let table = vibes_measure::Table::new(self.dims, &self.values, &self.episode, &self.step)?;
+        match &self.grid {
+            None => Ok(table),
+            Some([state, distractor]) => table.with_grid(state, distractor),
+        }
+    }
+
+    fn grid(&self) -> Result<Grid<'_>, vibes_measure::Error> {
+        Grid::of_complete_part(self.table()?)
+    }
+}
+
+type Done<T> = Result<T, vibes_measure::Error>;
+
+/// A result as plain dictionaries, lists and numbers.
+fn plain<'py>(py: Python<'py>, result: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
+    Ok(pythonize::pythonize(py, result)?)
+}
+
+fn metric(name: &str) -> PyResult<Metric> {
+    name.parse().map_err(refused)
+}
+
+/// A column of an array, whatever its strides.
+fn vector<T: numpy::Element + Copy>(array: &PyReadonlyArray1<'_, T>) -> Vec<T> {
+    array.as_array().iter().copied().collect()
+}
+
+#[pymethods]
+impl Table {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        latents: PyReadonlyArray2<'_, f32>,
+        episode: PyReadonlyArray1<'_, u32>,
+        step: PyReadonlyArray1<'_, u32>,
+        grid: Option<(PyReadonlyArray1<'_, i64>, PyReadonlyArray1<'_, i64>)>,
+    ) -> PyResult<Self> {
+        // A cell's number is -1 where a row has none.
+        let cells =
+            |column: &PyReadonlyArray1<'_, i64>| vector(column).iter().map(|&n| u32::try_from(n).ok()).collect();
+        let table = Self {
+            dims: latents.shape()[1],
+            values: latents.as_array().iter().copied().collect(),
+            episode: vector(&episode),
+            step: vector(&step),
+            grid: grid.map(|(state, distractor)| [cells(&state), cells(&distractor)]),
+        };
+        if u32::try_from(table.values.len() / table.dims.max(1)).is_err() {
+            return Err(refused("a table of more than 2**32 rows"));
+        }
+        unlocked(py, || table.table().map(drop))?;
+        Ok(table)
+    }
+
+    /// All numbers of a grid under their names.
+    fn grid_numbers<'py>(
+        &self,
+        py: Python<'py>,
+        past_actions: Option<&Self>,
+        k: Vec<usize>,
+        tolerance: u32,
+        queries: usize,
+        seed: u64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let options = GridOptions { k, tolerance, queries, seed };
+        let numbers = unlocked(py, || -> Done<_> {
+            let control = past_actions.map(Self::grid).transpose()?;
+            grid_numbers(&self.grid()?, control.as_ref(), &options)
+        })?;
+        plain(py, &numbers)
+    }
+
+    fn variance_shares<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        plain(py, &unlocked(py, || variance(&self.grid()?))?)
+    }
+
+    fn denoising_factor<'py>(&self, py: Python<'py>, seed: u64) -> PyResult<Bound<'py, PyAny>> {
+        plain(py, &unlocked(py, || denoising_factor(&self.grid()?, &mut ChaCha8Rng::seed_from_u64(seed)))?)
+    }
+
+    fn retrieval<'py>(
+        &self,
+        py: Python<'py>,
+        same_step: bool,
+        k: usize,
+        tolerance: u32,
+        queries: usize,
+        seed: u64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.can_have(k)?;
+        let found = unlocked(py, || -> Done<_> {
+            let (grid, mut rng) = (self.grid()?, ChaCha8Rng::seed_from_u64(seed));
+            if same_step {
+                retrieval_same_step(&grid, k, &mut rng)
+            } else {
+                retrieval_any_step(&grid, RetrievalOptions { k, tolerance, queries }, &mut rng)
+            }
+        })?;
+        plain(py, &found)
+    }
+
+    /// Rows and distances of the nearest, `[queries, k]` each.
+    fn neighbours<'py>(
+        &self,
+        py: Python<'py>,
+        queries: PyReadonlyArray1<'py, i64>,
+        k: usize,
+        exclude: &str,
+        metric_name: &str,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        self.can_have(k)?;
+        let metric = metric(metric_name)?;
+        let exclude = match exclude {
+            "trajectory" => Exclude::Trajectory,
+            "itself" => Exclude::Itself,
+            other => return Err(refused(format!("unknown exclusion {other:?}, choose one of: trajectory, itself"))),
+        };
+        let rows = self.episode.len();
+        let asked: Option<Vec<usize>> =
+            vector(&queries).iter().map(|&row| usize::try_from(row).ok().filter(|&row| row < rows)).collect();
+        let asked = asked.ok_or_else(|| refused(format!("a query past the table; it has {rows} rows")))?;
+        affordable("neighbours [queries, k, bytes]", &[asked.len().max(1), k, 16])?;
+        let found = unlocked(py, || nearest(&Space::new(self.table()?, metric)?, &asked, k, exclude))?;
+        let shape = [asked.len(), k];
+        let near: Vec<i64> = found.all_rows().iter().map(|&row| i64::from(row)).collect();
+        Ok((shaped(py, near, &shape)?.into_any(), shaped(py, found.all_distances().to_vec(), &shape)?.into_any()))
+    }
+
+    /// Scores of each quantity by both probes.
+    #[pyo3(signature = (quantities, fit, folds, neighbours, seed))]
+    fn probes<'py>(
+        &self,
+        py: Python<'py>,
+        quantities: &Bound<'py, PyDict>,
+        fit: Option<(Py<Self>, Bound<'py, PyDict>)>,
+        folds: usize,
+        neighbours: usize,
+        seed: u64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.can_have(neighbours)?;
+        let judged = quantities_of(quantities)?;
+        let fitted = match &fit {
+            None => None,
+            Some((table, quantities)) => Some((table.get(), quantities_of(quantities)?)),
+        };
+        let options = ProbeOptions { folds, neighbours, ..ProbeOptions::default() };
+        let scores = unlocked(py, || -> Done<_> {
+            let sample = Sample { table: self.table()?, quantities: &judged };
+            let fit = match &fitted {
+                None => Fit::HeldOut,
+                Some((table, quantities)) => Fit::On(Sample { table: table.table()?, quantities }),
+            };
+            probe(sample, fit, options, &mut ChaCha8Rng::seed_from_u64(seed))
+        })?;
+        plain(py, &scores)
+    }
+
+    /// A map, `[rows, 2]`, and its quality.
+    fn umap<'py>(
+        &self,
+        py: Python<'py>,
+        neighbours: Option<usize>,
+        min_dist: f64,
+        spread: f64,
+        epochs: Option<usize>,
+        metric_name: &str,
+        seed: u64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        neighbours.map_or(Ok(()), |neighbours| self.can_have(neighbours))?;
+        let metric = metric(metric_name)?;
+        let options = UmapOptions { neighbours, min_dist, spread, epochs, ..UmapOptions::default() };
+        let (positions, quality) = unlocked(py, || -> Done<_> {
+            let space = Space::new(self.table()?, metric)?;
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let positions = umap(&space, options, &mut rng)?;
+            // Trustworthiness asks for more than 2 k rows.
+            let k = QualityOptions::default().k.min((self.episode.len().saturating_sub(1)) / 2);
+            let quality = if k == 0 {
+                None
+            } else {
+                Some(quality(&space, &positions, QualityOptions { k, ..QualityOptions::default() }, &mut rng)?)
+            };
+            Ok((positions, quality))
+        })?;
+        let out = PyDict::new(py);
+        let flat: Vec<f32> = positions.iter().flatten().copied().collect();
+        out.set_item("positions", shaped(py, flat, &[positions.len(), 2])?)?;
+        out.set_item("trustworthiness", quality.map(|quality| quality.trustworthiness))?;
+        out.set_item("kept", quality.map(|quality| quality.kept))?;
+        Ok(out)
+    }
+
+    /// Reacher's rotations; `joints` and `targets` `[rows, 2]`, `images` `[rows, numbers]`.
+    fn symmetry<'py>(
+        &self,
+        py: Python<'py>,
+        joints: PyReadonlyArray2<'py, f64>,
+        targets: PyReadonlyArray2<'py, f64>,
+        images: PyReadonlyArray2<'py, f32>,
+        tolerance: f64,
+        pairs: usize,
+        seed: u64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let rows = self.episode.len();
+        if joints.shape() != [rows, 2] || targets.shape() != [rows, 2] || images.shape()[0] != rows {
+            return Err(refused(format!(
+                "joints and targets are [{rows}, 2] and images [{rows}, numbers] for this table"
+            )));
+        }
+        let pair = |array: &PyReadonlyArray2<'_, f64>, row: usize| {
+            let array = array.as_array();
+            [array[[row, 0]], array[[row, 1]]]
+        };
+        let state = |row| ReacherState { joints: pair(&joints, row), target: pair(&targets, row) };
+        let states: Vec<ReacherState> = (0..rows).map(state).collect();
+        let width = images.shape()[1];
+        let pictures: Vec<f32> = images.as_array().iter().copied().collect();
+        let options = SymmetryOptions { tolerance, pairs, ..SymmetryOptions::default() };
+        let found = unlocked(py, || -> Done<_> {
+            let (table, mut rng) = (self.table()?, ChaCha8Rng::seed_from_u64(seed));
+            let picture = |row: usize| &pictures[row * width..(row + 1) * width];
+            let apart = |a: usize, b: usize| {
+                let squares = picture(a).iter().zip(picture(b)).map(|(a, b)| f64::from(a - b).powi(2));
+                squares.sum::<f64>().sqrt()
+            };
+            let pairs = rotated_pairs(&table, &states, options, &mut rng)?;
+            let matches = matches(&table, &states, &pairs, apart, options, &mut rng)?;
+            symmetry(&table, &matches, options, &mut rng)
+        })?;
+        plain(py, &found)
+    }
+
+    /// How many dimensions the cloud of latents fills.
+    fn effective_rank<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let found = unlocked(py, || spectrum(&self.values, self.dims))?;
+        let out = PyDict::new(py);
+        out.set_item("effective_rank", found.effective_rank)?;
+        out.set_item("variance", found.variance)?;
+        Ok(out)
+    }
+}
+
+impl Table {
+    /// More neighbours than rows are an error of every measure, but some would first make room for them.
+    fn can_have(&self, k: usize) -> PyResult<()> {
+        let rows = self.episode.len();
+        if k == 0 || k > rows {
+            return Err(refused(format!(
+                "{k} neighbours in a table of {rows} rows; at least 1, and no more than the rows"
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// Quantities by name: (values `[rows]`, whether they are classes, what is held out together).
+fn quantities_of(quantities: &Bound<'_, PyDict>) -> PyResult<Vec<Quantity>> {
+    let read = |(name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| -> PyResult<Quantity> {
+        let (values, is_class, hold_out): (PyReadonlyArray1<'_, f64>, bool, String) = value.extract()?;
+        let numbers = vector(&values);
+        let hold_out = match hold_out.as_str() {
+            "state" => HoldOut::State,
+            "episode" => HoldOut::Episode,
+            "distractor" => HoldOut::Distractor,
+            other => {
+                return Err(refused(format!("unknown hold-out {other:?}, choose one of: state, episode, distractor")));
+            }
+        };
+        let values = if is_class {
+            Values::Classes(numbers.iter().map(|&number| number as u32).collect())
+        } else {
+            Values::Numbers(numbers)
+        };
+        Ok(Quantity { name: name.extract()?, values, hold_out })
+    };
+    quantities.iter().map(read).collect()
+}
+
+/// Features of the actions before each row of an episode, `[T + 1, features]`, from its actions `[T, action]`.
+#[pyfunction]
+pub(crate) fn past_actions<'py>(py: Python<'py>, actions: PyReadonlyArray2<'py, f32>) -> PyResult<Bound<'py, PyAny>> {
+    let (steps, axes) = (actions.shape()[0], actions.shape()[1]);
+    if axes == 0 {
+        return Err(refused("actions of no numbers; an action has at least one"));
+    }
+    let values: Vec<f32> = actions.as_array().iter().copied().collect();
+    let features = past_action_features(&values, axes);
+    Ok(shaped(py, features, &[steps + 1, past_action_dims(axes)])?.into_any())
+}

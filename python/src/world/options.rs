@@ -1,0 +1,121 @@
+//! What a world is asked to be: the arguments of `vibes.make`, read once into the types of the environment.
+
+use std::path::PathBuf;
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use serde::Deserialize;
+use vibes_data::{ImageSize, Spec};
+use vibes_env::distractors::{Axes, Difficulty, DistractorSettings};
+use vibes_env::render::{Look, MAX_SIZE, RenderSettings, material_names};
+use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
+use vibes_env::{ChosenSeeds, Environment, EnvironmentOptions, EpisodeSeeds};
+
+use crate::error::refused;
+
+/// The arguments as they come.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Asked {
+    task: String,
+    difficulty: String,
+    dynamic: bool,
+    distract: Vec<String>,
+    videos: Option<PathBuf>,
+    video_set: String,
+    video_count: Option<u32>,
+    size: Option<u32>,
+    action_repeat: Option<u32>,
+    render: String,
+    raw_torques: bool,
+    axis_seeds: ChosenSeeds,
+}
+
+/// Everything that decides what a world shows.
+#[derive(Clone, Debug)]
+pub(crate) struct WorldOptions {
+    pub task: String,
+    pub environment: EnvironmentOptions,
+    pub distractors: DistractorSettings,
+    pub videos: VideoSource,
+    pub video_set: VideoSet,
+    pub video_count: Option<usize>,
+    pub size: Option<u32>,
+    pub look: Look,
+    pub axis_seeds: ChosenSeeds,
+}
+
+/// Most control steps of an agent step.
+const MOST_REPEATS: u32 = 1000;
+/// Most videos.
+const MOST_VIDEOS: u32 = 10_000;
+
+impl WorldOptions {
+    /// Reads the arguments; the message names the one that is wrong and what would be right.
+    pub(super) fn read(asked: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let asked: Asked = pythonize::depythonize(asked).map_err(refused)?;
+        let within = |what: &str, value: Option<u32>, most: u32| match value {
+            Some(value) if value == 0 || value > most => Err(refused(format!("{what} {value}; right is 1 to {most}"))),
+            value => Ok(value),
+        };
+        let distract = if asked.distract.is_empty() { "none".to_owned() } else { asked.distract.join(",") };
+        Ok(Self {
+            task: asked.task,
+            environment: EnvironmentOptions {
+                action_repeat: within("an action repeat of", asked.action_repeat, MOST_REPEATS)?,
+                raw_torques: asked.raw_torques,
+            },
+            distractors: DistractorSettings {
+                axes: distract.parse::<Axes>().map_err(refused)?,
+                difficulty: asked.difficulty.parse::<Difficulty>().map_err(refused)?,
+                dynamic: asked.dynamic,
+            },
+            videos: asked.videos.map_or(VideoSource::Procedural, VideoSource::Folder),
+            video_set: asked.video_set.parse().map_err(refused)?,
+            video_count: within("a video count of", asked.video_count, MOST_VIDEOS)?.map(|count| count as usize),
+            size: within("a size of", asked.size, MAX_SIZE as u32)?,
+            look: asked.render.parse().map_err(refused)?,
+            axis_seeds: asked.axis_seeds,
+        })
+    }
+
+    pub(super) fn environment(&self) -> vibes_env::Result<Environment> {
+        Environment::new(&self.task, self.environment)
+    }
+
+    pub(super) fn pictures(&self) -> Option<RenderSettings> {
+        self.size.map(|size| RenderSettings { size: size as usize, look: self.look })
+    }
+
+    /// The background videos; none where no picture would show them.
+    pub(super) fn open_videos(&self) -> vibes_env::Result<VideoLibrary> {
+        let Some(size) = self.size.filter(|_| self.distractors.axes.background) else {
+            return Ok(VideoLibrary::none());
+        };
+        let count = self.video_count.or(self.distractors.difficulty.videos());
+        let names = self.videos.list(self.video_set, count)?;
+        VideoLibrary::open(&self.videos, self.video_set, &names, self.look.sky_side(size as usize))
+    }
+
+    /// The seeds of an episode, as a recording of this seed has them.
+    pub(super) fn seeds(&self, seed: u64, state: u32, distractor: u32) -> EpisodeSeeds {
+        self.axis_seeds.of_episode(seed, state, distractor)
+    }
+
+    /// The shape of a row.
+    pub(super) fn spec(&self, environment: &Environment) -> Spec {
+        let physics = environment.physics();
+        Spec {
+            task: self.task.clone(),
+            action: environment.action_spec(),
+            observation: environment.observation_spec(),
+            qpos: physics.qpos().len(),
+            qvel: physics.qvel().len(),
+            pixels: self.size.map(|side| ImageSize { height: side, width: side }),
+            materials: material_names(physics.model()),
+            control_timestep: environment.control_timestep(),
+            action_repeat: environment.action_repeat(),
+            quantities: environment.quantities(),
+        }
+    }
+}

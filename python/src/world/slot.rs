@@ -1,0 +1,156 @@
+//! One environment of a world: which episode it plays, how far it has come, and the recording that keeps it.
+
+use std::sync::Arc;
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use vibes_data::{EpisodeBuilder, EpisodeInfo};
+use vibes_env::videos::VideoLibrary;
+use vibes_env::{EpisodeSeeds, Eyes, Start, state_seed};
+
+use super::options::WorldOptions;
+use super::worker::Rows;
+use crate::writer::Keeper;
+
+/// Which episode of which recording: that of state trajectory `state` under distractor trajectory `distractor` in a recording of this seed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct EpisodeKey {
+    pub seed: u64,
+    pub state: u32,
+    pub distractor: u32,
+}
+
+/// An environment and its episode.
+#[derive(Debug)]
+pub(super) struct Slot {
+    eyes: Eyes,
+    options: WorldOptions,
+    /// The episode that is being played; none before the first, and after an error.
+    playing: Option<Playing>,
+    steps: u32,
+    keeper: Option<Keeper>,
+}
+
+#[derive(Debug)]
+struct Playing {
+    key: EpisodeKey,
+    step: u32,
+    start: Start,
+    /// The rows so far, when they are kept.
+    kept: Option<EpisodeBuilder>,
+}
+
+impl Slot {
+    pub(super) fn open(options: &WorldOptions, videos: &Arc<VideoLibrary>) -> vibes_env::Result<Self> {
+        let environment = options.environment()?;
+        let steps = environment.episode_steps();
+        let eyes = Eyes::new(environment, options.distractors, options.pictures(), videos.clone())?;
+        Ok(Self { eyes, options: options.clone(), playing: None, steps, keeper: None })
+    }
+
+    /// Begins an episode; one that is not over is dropped.
+    pub(super) fn begin(&mut self, key: EpisodeKey) -> Result<(), String> {
+        self.playing = None;
+        let seeds: EpisodeSeeds = self.options.seeds(key.seed, key.state, key.distractor);
+        let [mut rng, _] = seeds.generators();
+        let start = self.eyes.reset(&mut rng, seeds.distractors).map_err(|error| error.to_string())?;
+        let mut playing = Playing { key, step: 0, start, kept: None };
+        if let Some(keeper) = &self.keeper {
+            may_keep(keeper, key)?;
+            let first = self.eyes.frame().map_err(|error| error.to_string())?;
+            playing.kept = Some(EpisodeBuilder::first(key.state, None, first));
+        }
+        self.playing = Some(playing);
+        Ok(())
+    }
+
+    /// One agent step; returns its reward. After an error a new episode has to begin.
+    pub(super) fn step(&mut self, action: &[f32]) -> Result<f64, String> {
+        let mut playing = self.playing.take().ok_or("no episode is being played; call reset first")?;
+        if playing.step >= self.steps {
+            self.playing = Some(playing);
+            return Err("the episode is over; call reset".to_owned());
+        }
+        if let Some(at) = action.iter().position(|number| !number.is_finite()) {
+            self.playing = Some(playing);
+            return Err(format!("action[{at}] is {}; actions are finite numbers", action[at]));
+        }
+        // In single precision, as a recording keeps it.
+        let executed: Vec<f64> = action.iter().map(|&number| f64::from(number)).collect();
+        let reward = self.eyes.step(&executed).map_err(|error| error.to_string())?;
+        playing.step += 1;
+        if let Some(kept) = &mut playing.kept {
+            let next = self.eyes.frame().map_err(|error| error.to_string())?;
+            kept.step(action, reward as f32, 1.0, next);
+        }
+        if playing.step == self.steps {
+            self.file(&mut playing)?;
+        }
+        self.playing = Some(playing);
+        Ok(reward)
+    }
+
+    /// Writes a finished episode, if it was kept.
+    fn file(&self, playing: &mut Playing) -> Result<(), String> {
+        let (Some(kept), Some(keeper)) = (playing.kept.take(), &self.keeper) else { return Ok(()) };
+        let overrides = serde_json::to_value(&playing.start.model_overrides).map_err(|error| error.to_string())?;
+        let info = EpisodeInfo {
+            policy: "python".to_owned(),
+            seed: state_seed(playing.key.seed, playing.key.state),
+            model_overrides: overrides,
+        };
+        // The suite's tasks stop, but never end in a terminal state.
+        keeper.writer.write(&kept.finish(false), info).map_err(|error| error.to_string())
+    }
+
+    /// Adds the present row to `rows`.
+    pub(super) fn show(&mut self, draw: bool, reward: f64, rows: &mut Rows) -> Result<(), String> {
+        if draw {
+            rows.pixels.extend_from_slice(self.eyes.picture().map_err(|error| error.to_string())?);
+        }
+        rows.observations.extend(self.eyes.observation().iter().map(|&number| number as f32));
+        rows.rewards.push(reward);
+        rows.is_last.push(self.playing.as_ref().is_some_and(|playing| playing.step >= self.steps));
+        Ok(())
+    }
+
+    /// Puts the episodes that begin from now on into a recording, or into none.
+    pub(super) fn keep(&mut self, keeper: Option<Keeper>) {
+        self.keeper = keeper;
+    }
+
+    /// Random actions, episode after episode.
+    pub(super) fn roll(&mut self, steps: u32, draw: bool) -> Result<(), String> {
+        let spec = self.eyes.environment().action_spec();
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        let mut episode = 0;
+        for _ in 0..steps {
+            if self.playing.as_ref().is_none_or(|playing| playing.step >= self.steps) {
+                self.begin(EpisodeKey { seed: 0, state: episode, distractor: episode })?;
+                episode += 1;
+            }
+            let draws = spec.min.iter().zip(&spec.max).map(|(&low, &high)| rng.random_range(low..=high) as f32);
+            let action: Vec<f32> = draws.collect();
+            self.step(&action)?;
+            if draw {
+                self.eyes.picture().map_err(|error| error.to_string())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Episodes of a recording are told apart by their number under the recording's seed.
+fn may_keep(keeper: &Keeper, key: EpisodeKey) -> Result<(), String> {
+    let EpisodeKey { seed, state, distractor } = key;
+    if seed != keeper.seed {
+        return Err(format!("an episode of seed {seed}; this recording keeps those of seed {}", keeper.seed));
+    }
+    if state != distractor {
+        return Err(format!("state {state} under distractor {distractor}; kept episodes have one number for both"));
+    }
+    if keeper.writer.has(state) {
+        return Err(format!("episode {state} is in the recording already; begin another"));
+    }
+    Ok(())
+}

@@ -1,0 +1,190 @@
+//! Recordings from Python: episodes that worlds play, or whole episodes as arrays, written as the collector writes them.
+//!
+//! In: a world, or the shape of somebody else's episodes; a seed. Out: a folder that the three programs read.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use numpy::{Element, PyReadonlyArrayDyn};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use serde_json::json;
+use vibes_data::{CameraPose, Episode, EpisodeInfo, FORMAT, Manifest, RecordingWriter, Spec};
+
+use crate::error::{refused, unlocked};
+use crate::world::World;
+
+/// Where worlds put their episodes.
+#[derive(Clone, Debug)]
+pub(crate) struct Keeper {
+    pub writer: Arc<RecordingWriter>,
+    /// The recording's seed: its episodes are told apart by their numbers under this seed.
+    pub seed: u64,
+}
+
+/// A recording that grows.
+#[pyclass(frozen, module = "vibes._vibes")]
+#[derive(Debug)]
+pub(crate) struct Writer {
+    path: PathBuf,
+    spec: Spec,
+    keeper: Mutex<Option<Keeper>>,
+}
+
+#[pymethods]
+impl Writer {
+    /// A recording of a world's episodes. It names the world's options as `vibes-collect` would, so that `verify` simulates and draws them again.
+    #[staticmethod]
+    fn of_world(py: Python<'_>, path: PathBuf, world: &World, seed: u64, mcap: bool) -> PyResult<Self> {
+        let manifest = world_manifest(world, seed);
+        Self::open(py, path, manifest, mcap)
+    }
+
+    /// A recording of somebody else's episodes, of the shape that `spec` says.
+    #[staticmethod]
+    fn of_spec(py: Python<'_>, path: PathBuf, spec: &Bound<'_, PyDict>, seed: u64, mcap: bool) -> PyResult<Self> {
+        let spec: Spec = pythonize::depythonize(spec).map_err(refused)?;
+        if let Some(fault) = spec.fault() {
+            return Err(refused(format!("{fault}; a recording has smaller sizes, equal bounds and a clock")));
+        }
+        let options = json!({ "recorded_by": "python" });
+        Self::open(py, path, manifest(spec, options, seed, Vec::new()), mcap)
+    }
+
+    /// Where it lies.
+    #[getter]
+    fn path(&self) -> PathBuf {
+        self.path.clone()
+    }
+
+    /// How many episodes are there.
+    fn __len__(&self) -> PyResult<usize> {
+        Ok(self.shared()?.writer.len())
+    }
+
+    /// Writes one whole episode of T actions. Columns by their names in the format, `[T, …]` or `[T + 1, …]`.
+    #[pyo3(signature = (index, columns, *, is_terminal=false, policy="python".to_owned(), seed=0))]
+    fn write(
+        &self,
+        py: Python<'_>,
+        index: u32,
+        columns: &Bound<'_, PyDict>,
+        is_terminal: bool,
+        policy: String,
+        seed: u64,
+    ) -> PyResult<()> {
+        let Keeper { writer, .. } = self.shared()?;
+        if index > 999_999 || writer.has(index) {
+            return Err(refused(format!(
+                "episode {index} is there already, or past 999999; take the next free number"
+            )));
+        }
+        let mut episode = Episode { index, is_terminal, ..Episode::default() };
+        let column = |name: &str| columns.get_item(name).map(|found| found.filter(|found| !found.is_none()));
+        episode.actions = numbers(column("action")?)?;
+        episode.rewards = numbers(column("reward")?)?;
+        episode.discounts = match column("discount")? {
+            Some(given) => numbers(Some(given))?,
+            None => vec![1.0; episode.rewards.len()],
+        };
+        episode.observations = numbers(column("observation")?)?;
+        episode.qpos = numbers(column("qpos")?)?;
+        episode.qvel = numbers(column("qvel")?)?;
+        episode.pixels = numbers(column("pixels")?)?;
+        episode.colors = numbers(column("colors")?)?;
+        episode.cameras = vec![CameraPose::default(); episode.rows()];
+        episode.backgrounds = vec![None; episode.rows()];
+        let info = EpisodeInfo { policy, seed, model_overrides: serde_json::Value::Null };
+        unlocked(py, || writer.write(&episode, info))
+    }
+
+    /// The shape of its episodes.
+    fn spec<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Ok(pythonize::pythonize(py, &self.spec)?)
+    }
+
+    /// Whether the episode of this number is there.
+    fn has(&self, index: u32) -> PyResult<bool> {
+        Ok(self.shared()?.writer.has(index))
+    }
+
+    /// Completes the manifest. Nothing can be written afterwards.
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
+        let Some(Keeper { writer, seed }) = self.lock().take() else { return Ok(()) };
+        match Arc::try_unwrap(writer) {
+            Ok(writer) => unlocked(py, || writer.finish()).map(drop),
+            Err(writer) => {
+                *self.lock() = Some(Keeper { writer, seed });
+                Err(refused("an environment still keeps its episodes here; close it or stop keeping first"))
+            }
+        }
+    }
+}
+
+impl Writer {
+    fn open(py: Python<'_>, path: PathBuf, manifest: Manifest, mcap: bool) -> PyResult<Self> {
+        let (spec, seed) = (manifest.spec.clone(), manifest.seed);
+        let writer = unlocked(py, || RecordingWriter::create_or_resume(&path, manifest, mcap))?;
+        let keeper = Keeper { writer: Arc::new(writer), seed };
+        Ok(Self { path, spec, keeper: Mutex::new(Some(keeper)) })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Option<Keeper>> {
+        self.keeper.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The open recording.
+    pub(crate) fn shared(&self) -> PyResult<Keeper> {
+        let closed = || refused(format!("this writer is closed; open another: {}", self.path.display()));
+        self.lock().clone().ok_or_else(closed)
+    }
+}
+
+/// A contiguous array's numbers; none without an array.
+fn numbers<T: Element + Copy>(array: Option<Bound<'_, PyAny>>) -> PyResult<Vec<T>> {
+    let Some(array) = array else { return Ok(Vec::new()) };
+    let array: PyReadonlyArrayDyn<'_, T> = array.extract()?;
+    Ok(match array.as_slice() {
+        Ok(slice) => slice.to_vec(),
+        Err(_) => array.as_array().iter().copied().collect(),
+    })
+}
+
+fn manifest(spec: Spec, options: serde_json::Value, seed: u64, videos: Vec<vibes_data::Video>) -> Manifest {
+    let versions = [("vibes", env!("CARGO_PKG_VERSION")), ("mujoco", "3.17.0"), ("dm_control models", "1.0.50")];
+    Manifest {
+        format: FORMAT.into(),
+        spec,
+        options,
+        seed,
+        versions: versions.map(|(name, version)| (name.into(), version.into())).into_iter().collect::<BTreeMap<_, _>>(),
+        grid: None,
+        videos,
+        episodes: Vec::new(),
+    }
+}
+
+/// The manifest that `vibes-collect` would write for the same task, distractors and videos; `episodes` is not known beforehand.
+fn world_manifest(world: &World, seed: u64) -> Manifest {
+    let options = world.options();
+    let mut asked = json!({
+        "task": options.task,
+        "policy": "python",
+        "grid": null,
+        "episodes": 0,
+        "steps": world.steps_of_an_episode(),
+        "action_repeat": world.recording_spec().action_repeat,
+        "raw_torques": options.environment.raw_torques,
+        "distractors": options.distractors,
+        "videos": options.videos,
+        "video_set": options.video_set,
+        "video_count": options.video_count,
+        "size": options.size,
+        "look": options.look,
+    });
+    if !options.axis_seeds.is_empty() {
+        asked["axis_seeds"] = json!(options.axis_seeds);
+    }
+    manifest(world.recording_spec().clone(), asked, seed, world.video_library().videos().to_vec())
+}

@@ -1,0 +1,44 @@
+"""What the tests share: the sample recording of the repository, and recordings made by vibes-collect where it is built."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def program(name):
+    """A program of the toolkit, from the path or from cargo's folder."""
+    target = os.environ.get("CARGO_TARGET_DIR")
+    found = shutil.which(name) or (target and shutil.which(name, path=f"{target}/debug"))
+    return found or pytest.skip(f"{name} is not built")
+
+
+def collect(*words):
+    """Runs vibes-collect and fails with what it said."""
+    done = subprocess.run([program("vibes-collect"), *map(str, words)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="session")
+def sample():
+    """data/sample: a small grid of reacher-easy."""
+    return ROOT / "data" / "sample"
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory):
+    """A recording by options of vibes-collect, made once."""
+    made = {}
+
+    def record(*words):
+        if words not in made:
+            made[words] = tmp_path_factory.mktemp("recorded") / "recording"
+            collect(*words, "--no-mcap", "--quiet", "-o", made[words])
+        return made[words]
+
+    return record

@@ -1,0 +1,144 @@
+"""The measures on arrays say what they say elsewhere, and know what was put into the latents."""
+
+import numpy as np
+import pytest
+import vibes
+from vibes import measures
+
+
+def grid(states=6, distractors=5, steps=8, dims=4, state=1.0, distractor=0.0, noise=0.0, seed=0):
+    """Latents that are a sum of a state's, a distractor's and noise, with the keys of their rows."""
+    rng = np.random.default_rng(seed)
+    shape = (states, distractors, steps)
+    z = state * rng.normal(size=(states, 1, steps, dims)) + distractor * rng.normal(size=(1, distractors, steps, dims))
+    z = z + noise * rng.normal(size=(*shape, dims))
+    i, j, t = np.indices(shape)
+    keys = {"episode": (i * distractors + j).ravel(), "step": t.ravel(), "state": i.ravel(), "distractor": j.ravel()}
+    return measures.Table(z.reshape(-1, dims), **keys), keys
+
+
+def test_shares_are_those_that_were_put_in():
+    pure, _ = grid(noise=1e-3)
+    shares = measures.variance_shares(pure)
+    assert shares["state"]["estimate"] > 0.999 and shares["state"]["low"] <= shares["state"]["estimate"] <= shares["state"]["high"]
+    even, _ = grid(states=40, distractors=40, distractor=1.0)
+    shares = measures.variance_shares(even)
+    assert shares["state"]["estimate"] == pytest.approx(0.5, abs=0.05) and shares["distractor"]["estimate"] == pytest.approx(0.5, abs=0.05)
+    assert sum(shares[name]["estimate"] for name in ["state", "distractor", "interaction"]) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("among", ["same_step", "any_step"])
+def test_retrieval_finds_states_and_not_noise(among):
+    found = measures.retrieval(grid(noise=1e-3)[0], among=among)
+    assert found["found"]["estimate"] == 1 and found["chance"] < 0.2
+    blind = measures.retrieval(grid(state=0, noise=1)[0], among=among)
+    assert blind["found"]["estimate"] == pytest.approx(blind["chance"], abs=0.15)
+
+
+def test_all_numbers_of_a_grid_stand_beside_chance_and_the_control():
+    table, keys = grid(noise=0.1)
+    control, _ = grid(noise=2.0, seed=1)
+    numbers = measures.grid_numbers(table, past_actions=control, k=(1, 3))
+    for name in ["retrieval_same_step@1", "retrieval_same_step@3", "retrieval_any_step@1", "state_share", "distractor_share", "denoising_factor", "effective_rank"]:
+        assert set(numbers[name]) >= {"estimate", "low", "high", "chance", "past_actions"}, name
+    assert numbers["state_share"]["estimate"] > numbers["state_share"]["past_actions"]["estimate"]
+    assert numbers["state_share"]["estimate"] == measures.variance_shares(table)["state"]["estimate"]
+
+
+def test_neighbours_are_those_of_brute_force():
+    rng = np.random.default_rng(0)
+    z = rng.normal(size=(300, 7)).astype(np.float32) * [1, 2, 3, 4, 5, 6, 7]
+    episode, step = np.divmod(np.arange(300), 30)
+    found = measures.neighbours(measures.Table(z, episode=episode, step=step), [5, 77], k=4)
+    scaled = z.astype(float) / z.astype(float).std(0)
+    for query, rows, distances in zip([5, 77], found["rows"], found["distances"]):
+        distance = np.linalg.norm(scaled - scaled[query], axis=1)
+        distance[episode == episode[query]] = np.inf
+        expected = np.argsort(distance)[:4]
+        np.testing.assert_array_equal(rows, expected)
+        np.testing.assert_allclose(distances, distance[expected], rtol=1e-5)
+
+
+def test_probes_read_what_is_there():
+    table, keys = grid(states=10, noise=0.01, dims=3)
+    rng = np.random.default_rng(3)
+    read = table.latents[:, 0] * 2.0 + 1
+    scores = measures.probes(table, {"linear": read.astype(float), "noise": rng.normal(size=len(read)), "video": keys["distractor"] % 2}, hold_out={"video": "state"})
+    by_name = {(score["quantity"], score["probe"]): score for score in scores}
+    assert by_name["linear", "linear"]["score"]["estimate"] > 0.99 and by_name["linear", "linear"]["measure"] == "R²"
+    assert by_name["noise", "linear"]["score"]["estimate"] < 0.1
+    assert by_name["video", "linear"]["measure"] == "accuracy" and by_name["video", "linear"]["score"]["estimate"] < 0.75
+    other, _ = grid(states=12, noise=0.01, dims=3, seed=5)
+    fitted = measures.probes(table, {"linear": read.astype(float)}, fit_on=(other, {"linear": other.latents[:, 0] * 2.0 + 1}))
+    assert fitted[0]["score"]["estimate"] > 0.99
+
+
+def test_a_map_is_the_same_for_the_same_seed_and_keeps_neighbours():
+    rng = np.random.default_rng(0)
+    centres = rng.normal(size=(4, 10)) * 10
+    label = np.repeat(np.arange(4), 60)
+    table = measures.Table(centres[label] + rng.normal(size=(240, 10)), episode=label, step=np.tile(np.arange(60), 4))
+    one, two = measures.umap(table, seed=1, epochs=100), measures.umap(table, seed=1, epochs=100)
+    np.testing.assert_array_equal(one["positions"], two["positions"])
+    assert one["positions"].shape == (240, 2) and one["trustworthiness"] > 0.9
+    means = np.stack([one["positions"][label == i].mean(0) for i in range(4)])
+    spread = max(one["positions"][label == i].std(0).max() for i in range(4))
+    assert min(np.linalg.norm(means[i] - means[j]) for i in range(4) for j in range(i)) > spread
+
+
+def test_symmetry_of_reacher():
+    rng = np.random.default_rng(0)
+    episode, step = np.divmod(np.arange(400), 20)
+    base = rng.uniform(-1, 1, (200, 3))
+    turn = rng.uniform(1, 3, 200)
+    shoulder = np.concatenate([base[:, 0], base[:, 0] + turn])
+    wrist = np.tile(base[:, 1], 2)
+    angle = np.concatenate([base[:, 2], base[:, 2] + turn])
+    target = 0.15 * np.stack([np.cos(angle), np.sin(angle)], 1)
+    relative = angle - shoulder
+    pixels = np.stack([np.cos(shoulder), np.sin(shoulder), *target.T * 5], 1)
+    symmetric = measures.Table(np.stack([np.cos(relative), np.sin(relative), wrist], 1), episode=episode, step=step)
+    found = measures.symmetry(symmetric, np.stack([shoulder, wrist], 1), target, pixels)
+    assert found["ratio"]["estimate"] < 0.2 and found["percentile"]["estimate"] > 0.9 and len(found["pairs"]) > 100
+    not_so = measures.Table(pixels, episode=episode, step=step)
+    assert measures.symmetry(not_so, np.stack([shoulder, wrist], 1), target, pixels)["ratio"]["estimate"] > 0.5
+
+
+def test_rows_of_a_recording_are_its_keys(sample):
+    recording = vibes.open(sample)
+    observation = np.concatenate([episode.observation for episode in recording])
+    table = measures.Table(observation, recording=recording)
+    assert len(table) == sum(episode.steps + 1 for episode in recording)
+    shares = measures.variance_shares(table)
+    assert shares["state"]["estimate"] == pytest.approx(1) and shares["distractor"]["estimate"] == pytest.approx(0, abs=1e-6)
+    control = measures.past_actions_table(recording)
+    assert len(control) == len(table)
+    numbers = measures.grid_numbers(table, past_actions=control, k=[1])
+    assert numbers["retrieval_same_step@1"]["estimate"] == 1
+
+
+def test_errors_name_what_would_be_right():
+    table, keys = grid()
+    wrong = [
+        (lambda: measures.Table(np.zeros((3, 2)), episode=[0, 0], step=[0, 1]), "expected"),
+        (lambda: measures.Table(np.zeros(3), episode=[0], step=[0]), r"\[rows, dims\]"),
+        (lambda: measures.Table([[np.nan]], episode=[0], step=[0]), "finite"),
+        (lambda: measures.Table(np.zeros((0, 2)), episode=np.zeros(0, int), step=np.zeros(0, int)), "found 0"),
+        (lambda: measures.Table(np.zeros((1, 2))), "give recording"),
+        (lambda: measures.variance_shares(measures.Table(np.eye(4), episode=[0, 0, 1, 1], step=[0, 1, 0, 1])), "state and a distractor"),
+        (lambda: measures.retrieval(table, among="some"), "same_step, any_step"),
+        (lambda: measures.retrieval(table, k=0), "at least 1"),
+        (lambda: measures.neighbours(table, k=10**9), "no more than the rows"),
+        (lambda: measures.neighbours(table, [10**6]), "past the table"),
+        (lambda: measures.neighbours(table, metric="city"), "standardized, euclidean, cosine"),
+        (lambda: measures.neighbours(table, exclude="all"), "trajectory, itself"),
+        (lambda: measures.probes(table, {"a": np.zeros(3)}), "a"),
+        (lambda: measures.probes(table, {"a": np.zeros(len(table))}, hold_out={"b": "state"}), "no quantities"),
+        (lambda: measures.umap(table, neighbours=1), "at least 2"),
+        (lambda: measures.umap(table, min_dist=-1), "between 0"),
+        (lambda: measures.symmetry(table, [[0, 0]], [[0, 0]], [[0]]), "for this table"),
+        (lambda: measures.past_actions([1, 2]), r"\[T, action\]"),
+    ]
+    for call, words in wrong:
+        with pytest.raises(vibes.Error, match=words):
+            call()
