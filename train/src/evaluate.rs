@@ -19,10 +19,12 @@ use crate::error::{Result, TrainError};
 
 mod features;
 pub mod gaps;
+pub mod open_loop;
 mod rows;
 
 pub use features::{Features, features};
 pub use gaps::{GapOptions, Gaps, Judged, Likelihoods, gaps};
+pub use open_loop::open_loop;
 pub use rows::{Acting, Rows};
 
 /// How to evaluate.
@@ -76,6 +78,9 @@ pub fn evaluate(
     for (at, table) in tables.iter().enumerate() {
         let scores = probes.read(table, tables_to_fit.get(at))?;
         numbers.extend(probe_numbers(table.name, &scores, Some(&control)));
+    }
+    if let [latents, states, ..] = &tables[..] {
+        numbers.extend(open_loop(model, &judged, (latents, states), options.seed, device)?);
     }
     let fitted_on = (!fitted.is_empty()).then(|| fitted.episodes());
     Ok(Report { numbers, quantities: probes.about, fitted_on })

@@ -13,187 +13,171 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use serde::Serialize;
 use vibes_data::EpisodeView;
-use vibes_model::encode::EpisodeEncoder;
+use vibes_measure::intervals::{Interval, Trajectories};
+use vibes_measure::numbers::{Number, Numbers};
 use vibes_model::parameters::to_values;
 use vibes_model::{Model, World, scale};
 
-use crate::encode::encode_rows;
+use super::{Features, Rows};
 use crate::error::Result;
 
 /// Steps ahead that are judged.
 pub const AHEAD: [usize; 4] = [1, 5, 10, 15];
+const LONGEST: usize = AHEAD[AHEAD.len() - 1];
 /// Rows at the start of an episode that are no starts: the hidden states have not seen enough yet.
 const SKIP: usize = 16;
 /// Rows between one start and the next.
 const STRIDE: usize = 3;
 /// Starts run ahead together.
 const TOGETHER: usize = 1024;
-/// Rows encoded at a time.
-const CHUNK: usize = 128;
-/// Seed of the shuffled actions.
-const SEED: u64 = 0;
 
-/// R² of the reward some steps ahead, with the ends of a 95% interval over trajectories.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct OpenLoop {
-    /// Steps ahead.
-    pub steps: usize,
-    /// Under the recorded actions.
-    pub recorded: vibes_measure::intervals::Interval,
-    /// Under a stretch of another episode's.
-    pub shuffled: vibes_measure::intervals::Interval,
-}
-
-/// An episode as the model follows it; rows that have an action, from the first.
-#[derive(Debug, Clone)]
-pub struct Followed {
-    /// What is drawn again for intervals and never lends its actions to itself: the state trajectory on a grid, the episode elsewhere.
-    pub trajectory: u32,
-    /// Rows.
-    pub rows: usize,
-    /// Posterior means: `[rows, latent]`
-    pub latents: Vec<f32>,
-    /// Hidden states before each row's action is consumed, zeros at the first: `[rows, hidden]`
-    pub states: Vec<f32>,
-    /// Scaled to −1..1: `[rows, A]`
-    pub actions: Vec<f32>,
-    /// `[rows]`
-    pub rewards: Vec<f32>,
-}
-
-/// Follows an episode from its start: what the policy would see at every row.
+/// The numbers `open_loop_reward_r2@K` and `open_loop_reward_r2_shuffled@K` of all episodes that are long enough; none if no two trajectories are.
+/// `latents` and `states` are the tables `s` and `h` of these rows.
 ///
 /// # Errors
-/// The episode's observations are not the model's.
-pub fn follow(model: &Model, episode: &EpisodeView, trajectory: u32, device: &Device) -> Result<Followed> {
-    let (rows, config) = (episode.steps(), &model.config);
-    let world = model.world.valid();
-    let mut encoder = EpisodeEncoder::new(model, device);
-    let mut latents = Vec::with_capacity(rows * config.latent);
-    for start in (0..rows).step_by(CHUNK) {
-        latents.extend(encode_rows(model, &mut encoder, episode, start..rows.min(start + CHUNK))?);
+/// Tables of other rows.
+pub fn open_loop(
+    model: &Model,
+    rows: &Rows,
+    (latents, states): (&Features, &Features),
+    seed: u64,
+    device: &Device,
+) -> Result<Numbers> {
+    let episodes = episodes(rows, model);
+    let starts = starts(&episodes, &mut ChaCha8Rng::seed_from_u64(seed));
+    if starts.is_empty() {
+        return Ok(Numbers::default());
     }
-    let mut actions: Vec<f32> = (0..rows).flat_map(|row| episode.action(row)).copied().collect();
-    scale::actions(&mut actions, &config.action_min, &config.action_max);
-    let device = device.clone().inner();
-    let tensor = |values: &[f32], width| {
-        Tensor::<3>::from_data(TensorData::new(values.to_vec(), [rows, 1, width]), &device)
-    };
-    let inputs = Tensor::cat(vec![tensor(&latents, config.latent), tensor(&actions, config.actions())], 2);
-    let after = to_values(world.dynamics.gru.forward(inputs, None));
-    let mut states = vec![0.0; config.hidden];
-    states.extend_from_slice(&after[..after.len() - config.hidden]);
-    let rewards = (0..rows).map(|row| episode.reward(row)).collect();
-    Ok(Followed { trajectory, rows, latents, states, actions, rewards })
+    let scene = Scene { model, world: model.world.valid(), episodes: &episodes, latents, states, device };
+    let trajectories = rows.table(latents)?.trajectories();
+    let named = [("open_loop_reward_r2", false), ("open_loop_reward_r2_shuffled", true)];
+    let numbers = named.into_iter().flat_map(|(name, shuffled)| {
+        let predicted = scene.predictions(&starts, shuffled);
+        let number = |(&ahead, predicted): (&usize, &Vec<f64>)| Number {
+            name: format!("{name}@{ahead}"),
+            value: judge(&episodes, &starts, predicted, ahead, &trajectories, seed),
+            chance: 0.0,
+            past_actions: None,
+        };
+        AHEAD.iter().zip(&predicted).map(number).collect::<Vec<_>>()
+    });
+    Ok(numbers.collect())
 }
 
-/// R² at every step of [`AHEAD`] that the episodes are long enough for.
-///
-/// # Errors
-/// None of its own.
-pub fn open_loop(model: &Model, episodes: &[Followed], device: &Device) -> Result<Vec<OpenLoop>> {
-    let mut rng = ChaCha8Rng::seed_from_u64(SEED);
-    let starts = starts(episodes, &mut rng);
-    let world = model.world.valid();
-    let run = |shuffled: bool| errors(model, &world, episodes, &starts, shuffled, device);
-    let (recorded, shuffled) = (run(false), run(true));
-    let groups = groups(episodes);
-    let judge = |errors: &[Vec<f64>], index: usize, rng: &mut ChaCha8Rng| {
-        let sums = sums(episodes, &starts, &groups, &errors[index], AHEAD[index]);
-        vibes_measure::intervals::bootstrap(sums.len(), rng, |counts| r_squared(&sums, counts))
+/// What is needed of an episode beside its rows in the tables.
+struct Episode<'a> {
+    view: &'a EpisodeView,
+    /// Its first row in the tables.
+    first: usize,
+    /// Rows that have an action.
+    steps: usize,
+    /// Episodes of one state trajectory share their actions, so they lend each other none.
+    trajectory: (u8, u32),
+    /// Scaled to −1..1: `[steps, A]`
+    actions: Vec<f32>,
+}
+
+fn episodes<'a>(rows: &'a Rows, model: &Model) -> Vec<Episode<'a>> {
+    let mut first = 0;
+    let of = |(index, view): (usize, &'a EpisodeView)| {
+        let steps = view.steps();
+        let mut actions: Vec<f32> = (0..steps).flat_map(|step| view.action(step)).copied().collect();
+        scale::actions(&mut actions, &model.config.action_min, &model.config.action_max);
+        let trajectory = view.cell().map_or((1, index as u32), |cell| (0, cell.state));
+        let episode = Episode { view, first, steps, trajectory, actions };
+        first += view.rows();
+        episode
     };
-    let one = |index: usize| OpenLoop {
-        steps: AHEAD[index],
-        recorded: judge(&recorded, index, &mut ChaCha8Rng::seed_from_u64(SEED)),
-        shuffled: judge(&shuffled, index, &mut ChaCha8Rng::seed_from_u64(SEED)),
-    };
-    Ok(if starts.is_empty() { Vec::new() } else { (0..AHEAD.len()).map(one).collect() })
+    rows.views().iter().enumerate().map(of).collect()
 }
 
 /// Where to run ahead from, and whose actions are borrowed.
 struct Start {
     episode: usize,
-    row: usize,
+    step: usize,
     lender: usize,
     lent_from: usize,
 }
 
-const LONGEST: usize = AHEAD[AHEAD.len() - 1];
-
-fn starts(episodes: &[Followed], rng: &mut ChaCha8Rng) -> Vec<Start> {
+fn starts(episodes: &[Episode<'_>], rng: &mut ChaCha8Rng) -> Vec<Start> {
     let mut starts = Vec::new();
-    let long: Vec<usize> = (0..episodes.len()).filter(|&episode| episodes[episode].rows > LONGEST).collect();
+    let long: Vec<usize> = (0..episodes.len()).filter(|&index| episodes[index].steps > LONGEST).collect();
     for (index, episode) in episodes.iter().enumerate() {
-        for row in (SKIP..episode.rows.saturating_sub(LONGEST)).step_by(STRIDE) {
-            let lenders = || long.iter().copied().filter(|&lender| episodes[lender].trajectory != episode.trajectory);
-            let Some(lender) = lenders().nth(match lenders().count() {
-                0 => 0,
-                count => rng.random_range(0..count),
-            }) else {
-                continue;
-            };
-            let lent_from = rng.random_range(0..episodes[lender].rows - LONGEST);
-            starts.push(Start { episode: index, row, lender, lent_from });
+        let is_other = |lender: &usize| episodes[*lender].trajectory != episode.trajectory;
+        let lenders: Vec<usize> = long.iter().copied().filter(is_other).collect();
+        if lenders.is_empty() {
+            continue;
+        }
+        for step in (SKIP..episode.steps.saturating_sub(LONGEST)).step_by(STRIDE) {
+            let lender = lenders[rng.random_range(0..lenders.len())];
+            let lent_from = rng.random_range(0..episodes[lender].steps - LONGEST);
+            starts.push(Start { episode: index, step, lender, lent_from });
         }
     }
     starts
 }
 
-/// Predicted rewards of every start, by step ahead: `[AHEAD][starts]`.
-fn errors(
-    model: &Model,
-    world: &World,
-    episodes: &[Followed],
-    starts: &[Start],
-    shuffled: bool,
-    device: &Device,
-) -> Vec<Vec<f64>> {
-    let device = device.clone().inner();
-    let config = &model.config;
-    let mut predicted = vec![Vec::with_capacity(starts.len()); AHEAD.len()];
-    for together in starts.chunks(TOGETHER) {
-        let count = together.len();
-        let gather = |of: &dyn Fn(&Start) -> (usize, usize), values: fn(&Followed) -> &[f32], width: usize| {
-            let row = |start: &Start| {
-                let (episode, row) = of(start);
-                &values(&episodes[episode])[row * width..(row + 1) * width]
-            };
-            let all: Vec<f32> = together.iter().flat_map(row).copied().collect();
-            Tensor::<3>::from_data(TensorData::new(all, [1, count, width]), &device)
-        };
-        let here = |start: &Start| (start.episode, start.row);
-        let mut latent = gather(&here, |episode| &episode.latents, config.latent);
-        let mut state = gather(&here, |episode| &episode.states, config.hidden).squeeze_dim::<2>(0);
+struct Scene<'a> {
+    model: &'a Model,
+    world: World,
+    episodes: &'a [Episode<'a>],
+    latents: &'a Features,
+    states: &'a Features,
+    device: &'a Device,
+}
+
+impl Scene<'_> {
+    /// Predicted rewards by step ahead: `[AHEAD][starts]`.
+    fn predictions(&self, starts: &[Start], shuffled: bool) -> Vec<Vec<f64>> {
+        let mut predicted = vec![Vec::with_capacity(starts.len()); AHEAD.len()];
+        for together in starts.chunks(TOGETHER) {
+            self.run_ahead(together, shuffled, &mut predicted);
+        }
+        predicted
+    }
+
+    fn run_ahead(&self, starts: &[Start], shuffled: bool, predicted: &mut [Vec<f64>]) {
+        let mut latent = self.gather(starts, self.latents);
+        let mut state = self.gather(starts, self.states).squeeze_dim::<2>(0);
         for step in 0..=LONGEST {
-            let acting = |start: &Start| match shuffled {
-                false => (start.episode, start.row + step),
-                true => (start.lender, start.lent_from + step),
-            };
-            let actions = gather(&acting, |episode| &episode.actions, config.actions());
+            let actions = self.actions(starts, shuffled, step);
             if let Some(index) = AHEAD.iter().position(|&ahead| ahead == step) {
-                let rewards = to_values(world.reward.forward(latent.clone(), actions.clone()).mean);
+                let rewards = to_values(self.world.reward.forward(latent.clone(), actions.clone()).mean);
                 predicted[index].extend(rewards.into_iter().map(f64::from));
             }
             if step < LONGEST {
-                let (next, states) = world.dynamics.forward(latent, actions, Some(state));
+                let (next, states) = self.world.dynamics.forward(latent, actions, Some(state));
                 (latent, state) = (next.mean, states.squeeze_dim::<2>(0));
             }
         }
     }
-    predicted
+
+    /// The starts' rows of a table: `[1, starts, dims]`.
+    fn gather(&self, starts: &[Start], table: &Features) -> Tensor<3> {
+        let row = |start: &Start| {
+            let row = self.episodes[start.episode].first + start.step;
+            &table.values[row * table.dims..(row + 1) * table.dims]
+        };
+        self.tensor(starts.iter().flat_map(row).copied().collect(), starts.len(), table.dims)
+    }
+
+    /// The actions `step` steps after the starts: `[1, starts, A]`.
+    fn actions(&self, starts: &[Start], shuffled: bool, step: usize) -> Tensor<3> {
+        let width = self.model.config.actions();
+        let action = |start: &Start| {
+            let (episode, from) = if shuffled { (start.lender, start.lent_from) } else { (start.episode, start.step) };
+            &self.episodes[episode].actions[(from + step) * width..(from + step + 1) * width]
+        };
+        self.tensor(starts.iter().flat_map(action).copied().collect(), starts.len(), width)
+    }
+
+    fn tensor(&self, values: Vec<f32>, rows: usize, width: usize) -> Tensor<3> {
+        Tensor::from_data(TensorData::new(values, [1, rows, width]), &self.device.clone().inner())
+    }
 }
 
-/// The distinct trajectories.
-fn groups(episodes: &[Followed]) -> Vec<u32> {
-    let mut groups: Vec<u32> = episodes.iter().map(|episode| episode.trajectory).collect();
-    groups.sort_unstable();
-    groups.dedup();
-    groups
-}
-
-/// Sums over a trajectory's starts.
+/// Sums over the starts of a cell or episode.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     count: f64,
@@ -202,24 +186,30 @@ struct Sums {
     error_squares: f64,
 }
 
-fn sums(episodes: &[Followed], starts: &[Start], groups: &[u32], predicted: &[f64], ahead: usize) -> Vec<Sums> {
-    let mut sums = vec![Sums::default(); groups.len()];
+fn judge(
+    episodes: &[Episode<'_>],
+    starts: &[Start],
+    predicted: &[f64],
+    ahead: usize,
+    trajectories: &Trajectories,
+    seed: u64,
+) -> Interval {
+    let mut sums = vec![Sums::default(); trajectories.units()];
     for (start, predicted) in starts.iter().zip(predicted) {
         let episode = &episodes[start.episode];
-        let earned = f64::from(episode.rewards[start.row + ahead]);
-        let Ok(group) = groups.binary_search(&episode.trajectory) else { continue };
-        let sums = &mut sums[group];
+        let earned = f64::from(episode.view.reward(start.step + ahead));
+        let sums = &mut sums[trajectories.unit(episode.first + start.step)];
         sums.count += 1.0;
         sums.reward += earned;
         sums.reward_squares += earned * earned;
         sums.error_squares += (predicted - earned).powi(2);
     }
-    sums
+    trajectories.bootstrap(&mut ChaCha8Rng::seed_from_u64(seed), |weights| r_squared(&sums, weights))
 }
 
-/// R² where trajectory `i` was drawn `counts[i]` times.
-fn r_squared(sums: &[Sums], counts: &[f64]) -> f64 {
-    let total = |of: fn(&Sums) -> f64| sums.iter().zip(counts).map(|(sums, count)| count * of(sums)).sum::<f64>();
+/// R² where each cell or episode counts with its weight.
+fn r_squared(sums: &[Sums], weights: &[f64]) -> f64 {
+    let total = |of: fn(&Sums) -> f64| sums.iter().zip(weights).map(|(sums, weight)| weight * of(sums)).sum::<f64>();
     let count = total(|sums| sums.count);
     let mean = total(|sums| sums.reward) / count;
     let spread = total(|sums| sums.reward_squares) - count * mean * mean;

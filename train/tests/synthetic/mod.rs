@@ -51,12 +51,15 @@ fn frame(side: u32, state: f32, rng: &mut impl Rng) -> Frame {
     }
 }
 
-pub fn episode(side: u32, index: u32, cell: Option<Cell>, steps: usize, rng: &mut impl Rng) -> Episode {
+/// What a step earns, of the state's coin and the action's.
+pub type Reward = fn(f32, f32) -> f32;
+
+pub fn episode(side: u32, index: u32, cell: Option<Cell>, steps: usize, reward: Reward, rng: &mut impl Rng) -> Episode {
     let mut state = coin(rng);
     let mut builder = EpisodeBuilder::first(index, cell, frame(side, state, rng));
     for _ in 0..steps {
         let action = coin(rng);
-        let reward = state * action;
+        let reward = reward(state, action);
         state = coin(rng);
         builder.step(&[2.0 * action], reward, 1.0, frame(side, state, rng));
     }
@@ -65,6 +68,11 @@ pub fn episode(side: u32, index: u32, cell: Option<Cell>, steps: usize, rng: &mu
 
 /// Writes `episodes` episodes of `steps` steps with pictures of `side`×`side`; on a grid with two columns if `grid`.
 pub fn recording(path: &Path, side: u32, episodes: u32, steps: usize, grid: bool) -> Recording {
+    recording_of(path, side, episodes, steps, grid, |state, action| state * action)
+}
+
+/// The same where a step earns something else.
+pub fn recording_of(path: &Path, side: u32, episodes: u32, steps: usize, grid: bool, reward: Reward) -> Recording {
     let manifest = Manifest {
         format: FORMAT.to_owned(),
         spec: spec(side),
@@ -81,7 +89,7 @@ pub fn recording(path: &Path, side: u32, episodes: u32, steps: usize, grid: bool
         let cell = grid.then_some(Cell { state: index / 2, distractor: index % 2 });
         writer
             .write(
-                &episode(side, index, cell, steps, &mut rng),
+                &episode(side, index, cell, steps, reward, &mut rng),
                 EpisodeInfo { policy: "coins".to_owned(), ..EpisodeInfo::default() },
             )
             .unwrap();
