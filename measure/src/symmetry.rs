@@ -363,7 +363,9 @@ mod tests {
                 ]
             })
             .collect();
-        let options = SymmetryOptions { tolerance: 1e-6, ..SymmetryOptions::default() };
+        // Without a scale of its own, the absolute latent is as far apart as its picture.
+        let metric = crate::neighbours::Metric::Euclidean;
+        let options = SymmetryOptions { tolerance: 1e-6, metric, ..SymmetryOptions::default() };
         let picture = |a: usize, b: usize| {
             (0..4).map(|dim| f64::from(absolute[a * 4 + dim] - absolute[b * 4 + dim]).powi(2)).sum::<f64>().sqrt()
         };

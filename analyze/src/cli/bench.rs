@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use super::{Globals, Outcome, say};
 use vibes_measure::Table;
 use vibes_measure::neighbours::{Exclude, Metric, Space, nearest};
+use vibes_measure::quality::{QualityOptions, quality};
 use vibes_measure::umap::{UmapOptions, neighbour_graph, umap_of_graph};
 
 /// How long neighbours and maps take on this machine, on latents of 32 dimensions drawn from a seed.
@@ -47,6 +48,8 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         let layout = began.elapsed().as_secs_f64();
         rows.push(report(globals, format!("UMAP with its graph, {count} x {DIMS}"), seconds + layout, None));
     }
+    let count = size(100_000);
+    rows.push(timed(globals, format!("quality of a map, {count} x {DIMS}"), 2.0, || map_quality(options.seed, count))?);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let line = format!("bench: {} timings on {threads} threads; the seconds are above", rows.len());
     let json = json!({ "threads": threads, "timings": rows });
@@ -90,6 +93,16 @@ fn neighbours(seed: u64, rows: usize) -> anyhow::Result<f64> {
     let queries: Vec<usize> = (0..20).map(|i| i * rows / 20).collect();
     let began = Instant::now();
     nearest(&space, &queries, 5, Exclude::Trajectory)?;
+    Ok(began.elapsed().as_secs_f64())
+}
+
+/// Seconds that trustworthiness and neighbours kept take, of a map that keeps two of the dimensions.
+fn map_quality(seed: u64, rows: usize) -> anyhow::Result<f64> {
+    let data = Data::draw(seed, rows);
+    let map: Vec<[f32; 2]> = data.values.chunks_exact(DIMS).map(|latent| [latent[0], latent[1]]).collect();
+    let space = Space::new(data.table()?, Metric::Euclidean)?;
+    let began = Instant::now();
+    quality(&space, &map, QualityOptions::default(), &mut ChaCha8Rng::seed_from_u64(seed))?;
     Ok(began.elapsed().as_secs_f64())
 }
 
