@@ -6,6 +6,7 @@
 mod error;
 mod table;
 
+pub mod clusters;
 pub mod intervals;
 pub mod invariance;
 pub mod neighbours;

@@ -147,7 +147,7 @@ impl<'a> Space<'a> {
     }
 
     /// One row's prepared point.
-    pub(super) fn prepared(&self, row: usize) -> &[f32] {
+    pub(crate) fn prepared(&self, row: usize) -> &[f32] {
         let dims = self.table.dims();
         &self.points[row * dims..(row + 1) * dims]
     }
