@@ -185,14 +185,14 @@ fn the_denoising_factor_of_known_distances_is_the_formula() {
 #[test]
 fn agrees_with_the_golden_grid() {
     let golden: serde_json::Value = serde_json::from_str(include_str!("../../tests/golden/grid.json")).unwrap();
-    let latents = &golden["cases"]["retrieval"]["in"]["latents"];
+    let latents = &golden["latents"];
     let number = |value: &serde_json::Value| value.as_f64().unwrap();
     let rows = Rows::new(3, 4, 6, |i, j, t| {
         let latent = latents[i as usize][j as usize][t as usize].as_array().unwrap();
         latent.iter().map(|x| number(x) as f32).collect()
     });
     let grid = Grid::new(rows.table()).unwrap();
-    let wanted = &golden["cases"]["retrieval"]["out"];
+    let wanted = &golden["retrieval"];
     for k in [1, 3] {
         let same = retrieval_same_step(&grid, k, &mut generator(0)).unwrap();
         let any = retrieval_any_step(&grid, RetrievalOptions { k, ..RetrievalOptions::default() }, &mut generator(0));
@@ -203,7 +203,7 @@ fn agrees_with_the_golden_grid() {
     }
     let chance = retrieval_same_step(&grid, 1, &mut generator(0)).unwrap().chance;
     assert!((chance - number(&wanted["chance_same_step@1"])).abs() < 1e-12);
-    let (split, wanted) = (variance(&grid).unwrap(), &golden["cases"]["shares"]["out"]);
+    let (split, wanted) = (variance(&grid).unwrap(), &golden["shares"]);
     for (share, name) in [(split.state, "state"), (split.distractor, "distractor"), (split.interaction, "interaction")]
     {
         assert!((share.estimate - number(&wanted[name])).abs() < 1e-6, "{name}: {share:?}");
