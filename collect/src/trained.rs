@@ -3,13 +3,17 @@
 //! In: a run's folder. Out: a [`vibes_env::Policy`] that sees the pictures, or the vector observation, that the run was trained on, and what the
 //! manifest says of it ([`ActedBy`]). The one place where the collector knows about networks.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use rand::RngCore;
 use serde::{Deserialize, Serialize};
-use vibes_env::render::RenderSettings;
-use vibes_env::{EnvironmentOptions, Error as WorldError, Policy, PolicySpec};
+use vibes_env::render::{Look, RenderSettings};
+use vibes_env::{EnvironmentOptions, Error as WorldError, Policy, PolicySpec, Sight, Start};
+use vibes_model::ObservationKind;
+use vibes_model::agent::{Agent, Choice};
+use vibes_model::encode::RawFrames;
 
-use crate::Result;
+use crate::{Error, Result};
 
 /// Who acted, as the manifest keeps it: the same recording made by another checkpoint is another recording.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,12 +45,101 @@ pub fn acted_by(path: &Path, task: &str) -> Result<ActedBy> {
     load(path, task).map(|(_, acted_by)| acted_by)
 }
 
-/// Loads a run's actor.
-fn load(path: &Path, _task: &str) -> Result<(Box<dyn Policy>, ActedBy)> {
-    Err(WorldError::Policy {
-        text: path.display().to_string(),
-        fact: "it holds no actor".to_owned(),
-        expected: "a run that `vibes-train online` has trained".to_owned(),
+/// What a run was trained in, for options that were not typed.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Home {
+    /// Its task.
+    pub task: Option<String>,
+    /// Control steps an action was held.
+    pub action_repeat: Option<u32>,
+    /// How its pictures were drawn.
+    look: Look,
+}
+
+/// Reads what a run was trained in; nothing of a folder that is no run.
+pub fn home(run: &Path) -> Home {
+    let read = |name: &str| -> Option<serde_json::Value> {
+        serde_json::from_str(&std::fs::read_to_string(run.join(name)).ok()?).ok()
+    };
+    let (info, online) = (read("run.json").unwrap_or_default(), read("online.json").unwrap_or_default());
+    let world = &online["world"];
+    Home {
+        task: info["model"]["task"].as_str().map(str::to_owned),
+        action_repeat: world["action_repeat"].as_u64().and_then(|repeat| u32::try_from(repeat).ok()),
+        look: serde_json::from_value(world["look"].clone()).unwrap_or_default(),
     }
-    .into())
+}
+
+/// A trained run's actor as a policy: always the mode of its distribution.
+#[derive(Debug)]
+struct Trained {
+    name: String,
+    agent: Agent,
+    pictures: Option<RenderSettings>,
+    /// The action executed last, which the agent's networks take in beside the next observation.
+    executed: Vec<f32>,
+}
+
+impl Policy for Trained {
+    fn pictures(&self) -> Option<RenderSettings> {
+        self.pictures
+    }
+
+    fn begin(&mut self, _start: &Start) -> vibes_env::Result<()> {
+        self.agent.begin();
+        Ok(())
+    }
+
+    fn act(&mut self, sight: &Sight<'_>, mut rng: &mut dyn RngCore) -> vibes_env::Result<Vec<f64>> {
+        let seen = match self.agent.config().observation {
+            ObservationKind::Pixels { .. } => RawFrames::Pixels(sight.pixels),
+            ObservationKind::Vector { .. } => RawFrames::Vectors(sight.observation),
+        };
+        let chosen = self.agent.act(seen, &self.executed, Choice::Mode, &mut rng);
+        self.executed =
+            chosen.map_err(|error| WorldError::Acting { policy: self.name.clone(), source: Box::new(error) })?;
+        Ok(self.executed.iter().map(|&number| f64::from(number)).collect())
+    }
+}
+
+/// Loads the actor of a run's newest checkpoint.
+fn load(path: &Path, task: &str) -> Result<(Box<dyn Policy>, ActedBy)> {
+    let refuse = |fact: String, expected: &str| {
+        let text = path.display().to_string();
+        Error::from(WorldError::Policy { text, fact, expected: expected.to_owned() })
+    };
+    let trained = "a run that `vibes-train online` has trained";
+    let checkpoint = newest_checkpoint(path).ok_or_else(|| refuse("it holds no checkpoint".to_owned(), trained))?;
+    let file = checkpoint.join("behaviour.safetensors");
+    if !file.is_file() {
+        return Err(refuse("it holds no actor".to_owned(), trained));
+    }
+    let agent = Agent::load(&checkpoint, &vibes_model::cpu()).map_err(|error| refuse(error.to_string(), trained))?;
+    if agent.config().task != task {
+        return Err(refuse(format!("it was trained on {}", agent.config().task), &format!("a run of {task}")));
+    }
+    let pictures = match agent.config().observation {
+        ObservationKind::Pixels { height, .. } => Some(RenderSettings { size: height, look: home(path).look }),
+        ObservationKind::Vector { .. } => None,
+    };
+    let weights = std::fs::read(&file).map_err(Error::io("read", &file))?;
+    let last_part = |path: &Path| path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let whole = std::path::absolute(path).map_err(Error::io("find", path))?;
+    let acted_by = ActedBy {
+        run: last_part(&whole),
+        checkpoint: format!("{}, {}", last_part(&checkpoint), &vibes_data::sha256_hex(&weights)[..12]),
+        pictures,
+    };
+    let name = path.display().to_string();
+    Ok((Box::new(Trained { name, agent, pictures, executed: Vec::new() }), acted_by))
+}
+
+/// The folder of the checkpoint with the most updates.
+fn newest_checkpoint(run: &Path) -> Option<PathBuf> {
+    let folders = std::fs::read_dir(run.join("checkpoints")).ok()?;
+    let number = |folder: std::io::Result<std::fs::DirEntry>| {
+        let path = folder.ok()?.path();
+        Some((path.file_name()?.to_str()?.parse::<u64>().ok()?, path))
+    };
+    folders.filter_map(number).max().map(|(_, path)| path)
 }

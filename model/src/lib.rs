@@ -54,6 +54,11 @@ pub mod slow;
 #[cfg(test)]
 mod golden;
 
+/// The CPU with this package's own kernels, for programs that use a trained model and name no backend.
+pub fn cpu() -> burn::tensor::Device {
+    burn::tensor::Device::flex()
+}
+
 pub use config::{ModelConfig, ObservationKind};
 pub use error::ModelError;
 pub use heads::HeadConfig;

@@ -13,19 +13,22 @@ use super::{Outcome, OutputArgs, show};
 use crate::plan::RecordOptions;
 use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, cores, record};
 use crate::returns::Returns;
-use crate::trained::acted_by;
+use crate::trained::{Home, acted_by, home};
 use vibes_env::distractors::{Axes, Difficulty, DistractorSettings};
 use vibes_env::render::Look;
 use vibes_env::videos::{VideoSet, VideoSource};
 use vibes_env::{Environment, EnvironmentOptions, PolicyMix, PolicySpec};
+
+/// The task when none is named.
+const DEFAULT_TASK: &str = "reacher-easy";
 
 /// Episodes when neither a grid nor a number is asked for.
 const DEFAULT_EPISODES: u32 = 10;
 
 #[derive(Debug, Args)]
 pub(super) struct RecordArgs {
-    #[arg(long, default_value = "reacher-easy", help = format!("Task: {}", vibes_env::task_help()))]
-    task: String,
+    #[arg(long, help = format!("Task: {} [default: that of a trained run, or reacher-easy]", vibes_env::task_help()))]
+    task: Option<String>,
     /// State trajectories × distractor trajectories, as in 10x10.
     #[arg(long, value_parser = parse_grid, conflicts_with = "episodes")]
     grid: Option<Grid>,
@@ -111,13 +114,19 @@ pub(super) fn parse_grid(text: &str) -> std::result::Result<Grid, String> {
 
 impl RecordArgs {
     fn resolve(&self) -> Result<RecordOptions> {
-        let options = EnvironmentOptions { action_repeat: self.action_repeat, raw_torques: self.raw_torques };
-        let environment = Environment::new(&self.task, options)?;
+        let home = match &self.policy {
+            PolicySpec::Run { path } => home(path),
+            _ => Home::default(),
+        };
+        let task = self.task.clone().or(home.task).unwrap_or_else(|| DEFAULT_TASK.to_owned());
+        let action_repeat = self.action_repeat.or(home.action_repeat);
+        let options = EnvironmentOptions { action_repeat, raw_torques: self.raw_torques };
+        let environment = Environment::new(&task, options)?;
         let mix = self.mix.clone().unwrap_or_else(|| PolicyMix::of(self.policy.clone()));
         let episodes =
             self.grid.map_or(self.episodes.unwrap_or(DEFAULT_EPISODES), |grid| grid.states * grid.distractors);
         Ok(RecordOptions {
-            task: self.task.clone(),
+            task: task.clone(),
             policy: mix.to_string(),
             grid: self.grid,
             episodes,
@@ -139,7 +148,7 @@ impl RecordArgs {
                 .shares()
                 .iter()
                 .filter_map(|(policy, _)| match policy {
-                    PolicySpec::Run { path } => Some(acted_by(path, &self.task)),
+                    PolicySpec::Run { path } => Some(acted_by(path, &task)),
                     _ => None,
                 })
                 .collect::<crate::Result<_>>()?,
