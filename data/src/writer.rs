@@ -186,12 +186,20 @@ impl RecordingWriter {
         Ok(())
     }
 
+    /// Brings the manifest on disk up to the episodes that are there, while the recording goes on growing.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn complete(&self) -> Result<()> {
+        self.growing().manifest.write(&self.path.join(MANIFEST))
+    }
+
     /// Completes the manifest.
     ///
     /// # Errors
     /// [`Error::Io`].
     pub fn finish(self) -> Result<Recording> {
-        self.growing().manifest.write(&self.path.join(MANIFEST))?;
+        self.complete()?;
         Recording::open(&self.path)
     }
 

@@ -427,6 +427,7 @@ impl Training<'_> {
         self.state.actor_steps = behaviour.actor_optimizer.steps();
         self.state.critic_steps = behaviour.critic_optimizer.steps();
         self.state.scale = behaviour.scale;
+        self.replay.complete()?;
         let state = self.state;
         self.session.save(learner, |folder| save_behaviour(folder, behaviour, state))?;
         listen(Event::Saved { update: self.session.state.update });

@@ -80,6 +80,14 @@ impl Replay {
         Ok(())
     }
 
+    /// Brings the recording's manifest up to its episodes.
+    ///
+    /// # Errors
+    /// The folder cannot be written.
+    pub fn complete(&self) -> Result<()> {
+        Ok(self.writer.complete()?)
+    }
+
     /// Whether there is anything to draw from.
     pub fn is_empty(&self) -> bool {
         self.own.windows() == 0 && self.given.is_none()

@@ -99,3 +99,44 @@ impl FromStr for Protocol {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::prepare::{default_options, default_world};
+    use super::*;
+
+    fn settled(task: &str) -> OnlineOptions {
+        let mut options = default_options(default_world(task).unwrap(), false);
+        Protocol::DcsEasyDynamic500k.settle(&mut options);
+        options
+    }
+
+    #[test]
+    fn the_protocol_fixes_its_settings_and_refuses_others() {
+        let options = settled("cartpole-swingup");
+        assert_eq!((options.world.action_repeat, options.control_steps, options.final_episodes), (8, 500_000, 100));
+        assert!(options.check().is_ok());
+        let changes: [fn(&mut OnlineOptions); 5] = [
+            |options| options.world.action_repeat = 4,
+            |options| options.control_steps = 100_000,
+            |options| options.final_episodes = 10,
+            |options| options.world.distractors.dynamic = false,
+            |options| options.world.size = None,
+        ];
+        for change in changes {
+            let mut other = options.clone();
+            change(&mut other);
+            let error = other.check().unwrap_err().to_string();
+            assert!(error.contains("dcs-easy-dynamic-500k has"), "{error}");
+        }
+        let error = settled("swimmer-10").check().unwrap_err().to_string();
+        assert!(error.contains("walker-walk"), "{error}");
+    }
+
+    #[test]
+    fn its_name_is_what_is_typed_and_written() {
+        let protocol: Protocol = "dcs-easy-dynamic-500k".parse().unwrap();
+        assert_eq!(serde_json::to_string(&protocol).unwrap(), format!("\"{protocol}\""));
+        assert!("dcs".parse::<Protocol>().unwrap_err().to_string().contains("dcs-easy-dynamic-500k"));
+    }
+}

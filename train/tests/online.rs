@@ -1,0 +1,196 @@
+//! Online training as a process: what it leaves behind, that it can be killed at any moment, and what it refuses. On `known-slide`, from vector observations: no
+//! picture is drawn.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde_json::Value as Json;
+use vibes_data::{Recording, verify_recording};
+
+/// Episodes of 40 agent steps (80 control steps), 20 updates an episode, three random episodes, a checkpoint every 40 updates.
+const QUICK: [&str; 20] = [
+    "--task",
+    "known-slide",
+    "--no-pixels",
+    "--distract",
+    "none",
+    "--preset",
+    "tiny",
+    "--steps",
+    "40",
+    "--rows-per-step",
+    "16",
+    "--prefill",
+    "3",
+    "--first-updates",
+    "20",
+    "--checkpoint-every",
+    "40",
+    "--evaluate-every",
+    "400",
+    "--final-episodes=3",
+];
+
+/// 12 episodes.
+const WHOLE: [&str; 2] = ["--control-steps", "960"];
+
+fn command(folder: &Path, more: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_vibes-train"));
+    command.arg("online").args(QUICK).args(["--evaluation-episodes", "2", "-o"]).arg(folder).args(more);
+    command.env("RAYON_NUM_THREADS", "1").stdin(Stdio::null());
+    command
+}
+
+fn run(folder: &Path, more: &[&str]) -> Output {
+    command(folder, more).output().unwrap()
+}
+
+fn text(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+}
+
+fn lines(path: &Path) -> Vec<Json> {
+    std::fs::read_to_string(path).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// Bytes of every file below a folder, by its place.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+        if path.is_dir() {
+            found.extend(files(&path).into_iter().map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)));
+        } else {
+            found.insert(name, std::fs::read(&path).unwrap());
+        }
+    }
+    found
+}
+
+/// What must be the same however often a run was killed: everything but how long it took.
+fn lasting(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let clocks = ["seconds", "updates_per_second", "frames_per_second", "waiting_share"];
+    let online = ["control_steps_per_second", "waiting_for_actor_share", "acting_share"];
+    let timeless = |mut line: Json| {
+        for clock in clocks.iter().chain(&online) {
+            line.as_object_mut().unwrap().remove(*clock);
+        }
+        line.to_string()
+    };
+    let is_kept = |name: &str| !name.starts_with("events.") && name != "summary.md" && !name.ends_with(".lock");
+    files(folder)
+        .into_iter()
+        .filter(|(name, _)| is_kept(name))
+        .map(|(name, bytes)| {
+            let text = || String::from_utf8(bytes.clone()).unwrap();
+            let bytes = if name.ends_with(".jsonl") {
+                let lines = text();
+                let lines = lines.lines().map(|line| timeless(serde_json::from_str(line).unwrap()) + "\n");
+                lines.collect::<String>().into_bytes()
+            } else if name.ends_with("/state.json") {
+                timeless(serde_json::from_str(&text()).unwrap()).into_bytes()
+            } else {
+                bytes
+            };
+            (name, bytes)
+        })
+        .collect()
+}
+
+#[test]
+fn a_run_counts_in_both_units_and_leaves_a_sound_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path().join("run");
+    let output = run(&folder, &[&WHOLE[..], &["--json"]].concat());
+    assert!(output.status.success(), "{}", text(&output));
+    let said: Json = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(said["evaluation"]["is_final"], true);
+    assert_eq!(said["evaluation"]["held_out"]["returns"].as_array().unwrap().len(), 3);
+    for line in lines(&folder.join("metrics.jsonl")) {
+        let [control, agent] = ["control_steps", "agent_steps"].map(|key| line[key].as_u64().unwrap());
+        assert_eq!(control, 2 * agent, "{line}");
+    }
+    let evaluations = lines(&folder.join("evaluations.jsonl"));
+    let steps: Vec<u64> = evaluations.iter().map(|line| line["control_steps"].as_u64().unwrap()).collect();
+    assert_eq!(steps, [240, 400, 800, 960], "at the start, at every multiple, at the end");
+    assert!(evaluations[0]["training_videos"]["interval"].is_array());
+    let replay = Recording::open(&folder.join("replay")).unwrap();
+    assert_eq!(replay.episodes().len(), 12);
+    assert!(replay.episodes()[..3].iter().all(|entry| entry.policy == "random"));
+    assert!(replay.episodes()[3].policy.starts_with("online:update="));
+    assert!(verify_recording(&replay).is_empty());
+    // 12 episodes of 20 updates each, but for the random ones and the last, and the first 20.
+    let newest = std::fs::read_dir(folder.join("checkpoints")).unwrap().count();
+    assert!(newest >= 1);
+    assert_eq!(lines(&folder.join("metrics.jsonl")).last().unwrap()["update"], 20 + 8 * 20);
+    // The same command has nothing left to do.
+    let again = run(&folder, &WHOLE);
+    assert!(again.status.success() && text(&again).contains("already"), "{}", text(&again));
+    // More control steps go on from there, by the run's own name.
+    let mut more = Command::new(env!("CARGO_BIN_EXE_vibes-train"));
+    let more = more.arg("online").arg(&folder).args(["--control-steps", "1040"]).output().unwrap();
+    assert!(more.status.success(), "{}", text(&more));
+    assert_eq!(Recording::open(&folder.join("replay")).unwrap().episodes().len(), 13);
+}
+
+#[test]
+fn however_often_it_is_killed_the_same_command_ends_with_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let [undisturbed, killed] = ["undisturbed", "killed"].map(|name| folder.path().join(name));
+    let output = run(&undisturbed, &WHOLE);
+    assert!(output.status.success(), "{}", text(&output));
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut kills = 0;
+    for attempt in 0..60 {
+        let mut process = command(&killed, &WHOLE).stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
+        // From before anything is there to beyond a checkpoint; a slower machine is given longer after a while.
+        std::thread::sleep(Duration::from_millis(rng.random_range(50..400) * (1 + attempt / 10)));
+        if let Some(status) = process.try_wait().unwrap() {
+            assert!(status.success(), "{status}");
+            break;
+        }
+        process.kill().unwrap();
+        process.wait().unwrap();
+        kills += 1;
+    }
+    let output = run(&killed, &WHOLE);
+    assert!(output.status.success(), "{}", text(&output));
+    assert!(kills >= 3, "{kills} kills");
+    let (wanted, found) = (lasting(&undisturbed), lasting(&killed));
+    let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
+    assert_eq!(names(&found), names(&wanted));
+    for (name, bytes) in wanted {
+        assert!(found[&name] == bytes, "{name} differs after {kills} kills");
+    }
+}
+
+#[test]
+fn what_cannot_be_is_refused_with_what_would_be_right() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_vibes-train"));
+        let output = command.current_dir(folder.path()).arg("online").args(arguments).output().unwrap();
+        assert!(!output.status.success(), "{arguments:?}");
+        text(&output)
+    };
+    assert!(refused(&["--task", "cartpole"]).contains("cartpole-swingup"));
+    assert!(refused(&["nothing-here"]).contains("run.json"));
+    assert!(refused(&[]).contains("--task"));
+    assert!(refused(&["--task", "reacher-easy", "--recipe", "none"]).contains("dreamer-v3"));
+    assert!(refused(&["--task", "reacher-easy", "--rows-per-step", "0"]).contains("above 0"));
+    let other = refused(&["--task", "reacher-easy", "--protocol", "dcs-easy-dynamic-500k", "--action-repeat", "2"]);
+    assert!(other.contains("action repeat 4, not 2"), "{other}");
+    let missing = refused(&["--task", "reacher-easy", "--videos", "no-such-folder"]);
+    assert!(missing.contains("no-such-folder"), "{missing}");
+    // A run that is there keeps its options.
+    let run_folder = folder.path().join("run");
+    assert!(run(&run_folder, &["--control-steps", "240"]).status.success());
+    let changed = text(&run(&run_folder, &["--control-steps", "240", "--discount", "0.5"]));
+    assert!(changed.contains("behaviour.discount = 0.99, asked for was 0.5"), "{changed}");
+}
