@@ -7,6 +7,7 @@ mod bench;
 mod compare;
 mod config;
 mod curves;
+mod decode;
 mod grid;
 mod invariance;
 mod maps;
@@ -16,12 +17,15 @@ mod report;
 mod scene;
 mod session;
 mod symmetry;
+mod table;
 mod umap;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
+
+use crate::input::InputError;
 
 /// Looks into a latent space: neighbours, maps, and numbers that say how invariant it is.
 ///
@@ -62,6 +66,8 @@ enum Verb {
     Probe(probe::Options),
     Symmetry(symmetry::Options),
     Curves(curves::Options),
+    Table(table::Options),
+    Decode(decode::Options),
     Compare(compare::Options),
     Scene(scene::Options),
     Report(report::Options),
@@ -107,6 +113,12 @@ impl From<anyhow::Error> for Stop {
         use vibes_measure::Error::{NoSuchRow, Option, UnknownName};
         let arguments = error.chain().any(|e| {
             e.is::<WrongArguments>()
+                || e.downcast_ref::<InputError>().is_some_and(|e| {
+                    matches!(
+                        e,
+                        InputError::NoSuchColumn { .. } | InputError::NoSuchResult { .. } | InputError::Rows { .. }
+                    )
+                })
                 || e.downcast_ref::<vibes_measure::Error>()
                     .is_some_and(|e| matches!(e, NoSuchRow { .. } | Option { .. } | UnknownName { .. }))
         });
@@ -137,6 +149,8 @@ fn dispatch(cli: &Cli) -> anyhow::Result<Outcome> {
         Verb::Probe(options) => probe::run(options, globals),
         Verb::Symmetry(options) => symmetry::run(options, globals),
         Verb::Curves(options) => curves::run(options, globals),
+        Verb::Table(options) => table::run(options, globals),
+        Verb::Decode(options) => decode::run(options, globals),
         Verb::Compare(options) => compare::run(options, globals),
         Verb::Scene(options) => scene::run(options, globals),
         Verb::Report(options) => report::run(options, globals),

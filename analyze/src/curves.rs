@@ -1,9 +1,7 @@
-//! Learning curves with intervals over runs (Figure 3), and the table of methods × tasks (Table 1).
+//! Learning curves with intervals over runs (Figure 3 of the paper).
 //!
 //! In: for each run its points `(x, y)`: environment steps or updates, and a return, a gap, any metric. Out: mean and 95% interval
-//! (Student's t over runs) at common places, and the table with its best and tied entries marked.
-
-use std::collections::BTreeMap;
+//! (Student's t over runs) at common places.
 
 use serde::Serialize;
 
@@ -66,106 +64,9 @@ fn read(run: &[(f64, f64)], x: f64, width: f64) -> Option<f64> {
     Some(before.1 + (after.1 - before.1) * (x - before.0) / (after.0 - before.0))
 }
 
-/// A result to enter in the table.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RunScore {
-    /// Row: method, objective, …
-    pub method: String,
-    /// Column: task.
-    pub task: String,
-    /// The run's number, as its final return.
-    pub score: f64,
-}
-
-/// How an entry is set.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Mark {
-    /// The highest mean of its column: bold.
-    Best,
-    /// Its interval overlaps the best one's: underlined.
-    Tied,
-    /// Neither.
-    Plain,
-}
-
-/// One entry of the table.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Entry {
-    /// Mean over runs and its interval.
-    pub score: Interval,
-    /// Number of runs.
-    pub runs: usize,
-    /// How it is set.
-    pub mark: Mark,
-}
-
-/// Methods × tasks, as Table 1.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ScoreTable {
-    /// Rows, in order of appearance.
-    pub methods: Vec<String>,
-    /// Columns, in order of appearance.
-    pub tasks: Vec<String>,
-    /// `[methods][tasks]`; none where a method has no run of a task.
-    pub entries: Vec<Vec<Option<Entry>>>,
-    /// Mean over tasks of the means, for methods that have every task.
-    pub averages: Vec<Option<f64>>,
-}
-
-/// The table of any runs.
-#[must_use]
-pub fn score_table(runs: &[RunScore]) -> ScoreTable {
-    let methods = in_order(runs.iter().map(|run| &run.method));
-    let tasks = in_order(runs.iter().map(|run| &run.task));
-    let mut scores: BTreeMap<(&str, &str), Vec<f64>> = BTreeMap::new();
-    for run in runs {
-        scores.entry((&run.method, &run.task)).or_default().push(run.score);
-    }
-    let entry = |method: &String, task: &String| {
-        let scores = scores.get(&(method.as_str(), task.as_str()))?;
-        Some(Entry { score: student(scores), runs: scores.len(), mark: Mark::Plain })
-    };
-    let mut entries: Vec<Vec<Option<Entry>>> =
-        methods.iter().map(|method| tasks.iter().map(|task| entry(method, task)).collect()).collect();
-    (0..tasks.len()).for_each(|task| mark(entries.iter_mut().filter_map(|row| row[task].as_mut()).collect()));
-    let average = |row: &Vec<Option<Entry>>| {
-        let means: Option<Vec<f64>> = row.iter().map(|entry| entry.map(|entry| entry.score.estimate)).collect();
-        means.map(|means| means.iter().sum::<f64>() / means.len() as f64)
-    };
-    let averages = entries.iter().map(average).collect();
-    ScoreTable { methods, tasks, entries, averages }
-}
-
-fn in_order<'n>(names: impl Iterator<Item = &'n String>) -> Vec<String> {
-    names.fold(Vec::new(), |mut seen, name| {
-        if !seen.contains(name) {
-            seen.push(name.clone());
-        }
-        seen
-    })
-}
-
-/// Mark the best entry of a column and those whose intervals overlap its. Without an interval an entry stands for its mean alone.
-fn mark(mut column: Vec<&mut Entry>) {
-    let reach = |score: Interval, end: f64| if end.is_nan() { score.estimate } else { end };
-    let Some(best) = column.iter().map(|entry| entry.score).max_by(|a, b| a.estimate.total_cmp(&b.estimate)) else {
-        return;
-    };
-    for entry in &mut column {
-        entry.mark = if entry.score.estimate >= best.estimate {
-            Mark::Best
-        } else if reach(entry.score, entry.score.high) >= reach(best, best.low) {
-            Mark::Tied
-        } else {
-            Mark::Plain
-        };
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{Mark, RunScore, mean_curve, score_table};
+    use super::mean_curve;
 
     #[test]
     fn curves_are_averaged_where_runs_have_them() {
@@ -184,28 +85,5 @@ mod tests {
         assert!((third.y.high - third.y.estimate - 4.3027 * 30.0 / 3.0_f64.sqrt()).abs() < 10.0);
         assert!(mean_curve(&[vec![(0.0, f64::NAN)]], 5).is_err());
         assert_eq!(mean_curve(&[vec![(5.0, 1.0)]], 5).unwrap().len(), 1);
-    }
-
-    #[test]
-    fn the_best_is_bold_and_the_tied_are_underlined() {
-        let run =
-            |method: &str, task: &str, score| RunScore { method: method.to_owned(), task: task.to_owned(), score };
-        let scores = |method: &str, task: &str, centre: f64, spread: f64| {
-            [-1.0, 0.0, 1.0].map(|x| run(method, task, centre + spread * x)).to_vec()
-        };
-        let runs = [
-            scores("vibes", "reacher", 900.0, 10.0),
-            scores("no-adversary", "reacher", 880.0, 10.0),
-            scores("reconstruction", "reacher", 100.0, 10.0),
-            scores("vibes", "walker", 700.0, 1.0),
-            scores("reconstruction", "walker", 710.0, 1.0),
-        ];
-        let table = score_table(&runs.concat());
-        assert_eq!(table.methods, ["vibes", "no-adversary", "reconstruction"]);
-        assert_eq!(table.tasks, ["reacher", "walker"]);
-        let mark = |method: usize, task: usize| table.entries[method][task].map(|entry| entry.mark);
-        assert_eq!([mark(0, 0), mark(1, 0), mark(2, 0)], [Some(Mark::Best), Some(Mark::Tied), Some(Mark::Plain)]);
-        assert_eq!([mark(0, 1), mark(1, 1), mark(2, 1)], [Some(Mark::Plain), None, Some(Mark::Best)]);
-        assert_eq!(table.averages, [Some(800.0), None, Some(405.0)]);
     }
 }

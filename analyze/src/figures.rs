@@ -12,6 +12,7 @@ mod map;
 mod neighbour_sheet;
 mod panels;
 mod probe_chart;
+mod strips;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -25,8 +26,10 @@ pub use map::{Coloring, Map};
 pub use neighbour_sheet::{NeighbourSheet, SheetColumn, Thumb};
 pub use panels::{Panel, Panels};
 pub use probe_chart::{ProbeChart, ProbeMark, ProbeRow};
+pub use strips::{Strip, StripLine, Strips};
 pub use table::{Entry, Table};
 
+use crate::picture::encode::encode_png;
 use crate::picture::{Picture, png, svg};
 
 /// Every figure that the analyzer can draw.
@@ -44,6 +47,8 @@ pub enum Figure {
     ProbeChart(ProbeChart),
     /// Metrics over training (Figure 3).
     Curves(Curves),
+    /// What latents show of pictures, over time.
+    Strips(Strips),
     /// Numbers with intervals in rows and columns (Table 1).
     Table(Table),
 }
@@ -59,6 +64,7 @@ impl Figure {
             Self::Bars(figure) => figure.draw(),
             Self::ProbeChart(figure) => figure.draw(),
             Self::Curves(figure) => figure.draw(),
+            Self::Strips(figure) => figure.draw(),
             Self::Table(figure) => figure.draw(),
         }
     }
@@ -75,8 +81,7 @@ impl Figure {
             height: picture.height / 72.0,
             path: png_path.clone(),
         })?;
-        let bytes =
-            png::encode_rgb(&pixels).map_err(|source| FigureError::Encode { source, path: png_path.clone() })?;
+        let bytes = encode_png(&pixels).map_err(|source| FigureError::Encode { source, path: png_path.clone() })?;
         vibes_data::write_atomically(&png_path, &bytes)?;
         vibes_data::write_atomically(&svg_path, svg::render(&picture).as_bytes())?;
         Ok(vec![png_path, svg_path])

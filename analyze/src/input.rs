@@ -2,18 +2,28 @@
 //!
 //! Everything is checked here, once: the modules behind it trust what they get.
 
+mod columns;
 mod found;
 mod frames;
 mod latents;
-mod npy;
+mod lists;
+mod results;
+mod rows;
 mod run;
+mod tables;
+#[cfg(test)]
+mod tests;
 
 use std::path::PathBuf;
 
+pub use columns::UserColumn;
 pub use found::{find_latents, find_recording, newest_latents};
 pub use frames::Frames;
-pub use latents::read_latents;
+pub use latents::{Asked, ReadLatents, read_asked, read_latents};
+pub use results::{Cell, Results};
+pub use rows::{Rows, RowsError};
 pub use run::{Run, Series};
+pub use tables::TableFile;
 
 /// Why an input could not be read: the fact, what would be right, the path.
 #[derive(Debug, thiserror::Error)]
@@ -35,7 +45,7 @@ pub enum InputError {
         path: PathBuf,
     },
     /// A file of another kind.
-    #[error("{fact}; a table of latents is an Arrow, Parquet, npy or npz file: {path}")]
+    #[error("{fact}; a table is an Arrow, Parquet, CSV, npy or npz file: {path}")]
     NotATable {
         /// What was found.
         fact: String,
@@ -64,6 +74,46 @@ pub enum InputError {
         /// What would be right.
         expected: String,
         /// The file.
+        path: PathBuf,
+    },
+    /// Nobody has a column that is asked for.
+    #[error("no table has a column {column}, choose among {found}, or name the table that has it with --join: {path}")]
+    NoSuchColumn {
+        /// What was asked for.
+        column: String,
+        /// What the tables have.
+        found: String,
+        /// The latents.
+        path: PathBuf,
+    },
+    /// No run and no table has what is asked for.
+    #[error("no run and no table of results has {name}, choose among {found}")]
+    NoSuchResult {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        found: String,
+    },
+    /// A table that cannot be joined.
+    #[error(
+        "column episode is missing (found: {found}); a table is joined on episode and step, or on episode alone: {path}"
+    )]
+    NoJoin {
+        /// The columns that are there.
+        found: String,
+        /// The table.
+        path: PathBuf,
+    },
+    /// An expression that does not fit the table.
+    #[error(
+        "{fact}; --where takes an expression over the table's columns that is true of some rows, not {text:?}: {path}"
+    )]
+    Rows {
+        /// What came of it.
+        fact: String,
+        /// The expression.
+        text: String,
+        /// The latents.
         path: PathBuf,
     },
     /// The latents name a recording that is not there.

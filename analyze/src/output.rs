@@ -11,7 +11,7 @@ use serde_json::{Map, Value};
 
 pub use graph_table::GraphTable;
 pub use map_table::MapTable;
-pub use tables::{Column, write_table};
+pub use tables::{Column, write_csv, write_parquet, write_table};
 
 /// `numbers` as a JSON object whose first field `about` says where they come from.
 ///

@@ -3,9 +3,11 @@
 //! Figures put shapes in, [`svg`] and [`png`] take them out. Text is drawn as outlines of an embedded font, so a picture looks the same in
 //! a browser, in a paper and as pixels, and on a machine without fonts.
 
-pub mod axis;
 pub mod color;
+pub mod encode;
 pub mod font;
+pub mod number;
+pub mod plot;
 pub mod png;
 pub mod svg;
 
@@ -75,6 +77,18 @@ pub enum Anchor {
     Middle,
     /// The text ends at the point.
     End,
+}
+
+impl Anchor {
+    /// Which share of a text's width lies before its point.
+    #[must_use]
+    pub fn before(self) -> f64 {
+        match self {
+            Self::Start => 0.0,
+            Self::Middle => 0.5,
+            Self::End => 1.0,
+        }
+    }
 }
 
 /// How a text looks.

@@ -1,8 +1,9 @@
-//! One self-contained HTML page: figures, numbers, and maps on which hovering over a point shows its frame and its neighbours.
+//! One self-contained HTML page: the verdict, figures and numbers, and maps that answer.
 //!
-//! In: sections with figures as SVG, and live maps with their frames. Out: one file that needs no network and no other file.
+//! In: the verdict, chapters of sections with figures as SVG, and live maps with their frames. Out: one file that needs no network and no other file.
 
 mod live_map;
+mod verdict;
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -10,9 +11,30 @@ use std::path::Path;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
-pub use live_map::{LiveMap, LivePoint};
+pub use live_map::{LiveColumn, LiveMap};
+pub use verdict::{Answer, Measure, Verdict};
 
+use crate::picture::PAGE;
 use crate::picture::svg::escape;
+
+/// A page.
+#[derive(Clone, Debug, Default)]
+pub struct Page {
+    /// What it is about, as in "reacher-easy: what do the latents of three runs hold?".
+    pub title: String,
+    /// What must be known before reading.
+    pub note: Option<String>,
+    /// Where the numbers come from, in a sentence.
+    pub origin: String,
+    /// The answer, before everything else.
+    pub verdict: Verdict,
+    /// Maps to look into, side by side.
+    pub maps: Vec<LiveMap>,
+    /// What must be known about the maps.
+    pub map_remarks: Vec<String>,
+    /// Everything in detail.
+    pub chapters: Vec<Chapter>,
+}
 
 /// A figure of the page.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,6 +43,17 @@ pub struct Shown {
     pub svg: String,
     /// For those who cannot see it.
     pub alt: String,
+    /// Whether it needs the width of the page to be read.
+    pub broad: bool,
+}
+
+impl Shown {
+    /// A figure; its width in points decides how much room it gets.
+    #[must_use]
+    pub fn new(svg: String, alt: String) -> Self {
+        let width = svg.split("width=\"").nth(1).and_then(|rest| rest.split("pt\"").next()?.parse::<f64>().ok());
+        Self { broad: width.is_some_and(|width| width > 0.75 * PAGE), svg, alt }
+    }
 }
 
 /// One question and its answer.
@@ -36,8 +69,6 @@ pub struct Section {
     pub remarks: Vec<String>,
     /// The figures.
     pub figures: Vec<Shown>,
-    /// A map to hover over.
-    pub map: Option<LiveMap>,
     /// The numbers, as JSON; shown folded.
     pub numbers: Option<String>,
 }
@@ -53,37 +84,63 @@ pub struct Chapter {
     pub sections: Vec<Section>,
 }
 
-/// The page as HTML.
-#[must_use]
-pub fn page(title: &str, note: Option<&str>, chapters: &[Chapter]) -> String {
-    let mut body = format!("<h1>{}</h1>\n", escape(title));
-    if let Some(note) = note {
-        let _ = writeln!(body, "<p class=\"note\">{}</p>", escape(note));
-    }
-    contents(&mut body, chapters);
-    let mut maps = 0;
-    for (c, chapter) in chapters.iter().enumerate() {
-        let _ = writeln!(
-            body,
-            "<h2 id=\"c{c}\">{}</h2>\n<p class=\"origin\">{}</p>",
-            escape(&chapter.title),
-            escape(&chapter.origin)
-        );
-        for (s, section) in chapter.sections.iter().enumerate() {
-            let _ = writeln!(body, "<section id=\"c{c}s{s}\">");
-            section.write(&mut body, &mut maps);
-            body.push_str("</section>\n");
+impl Page {
+    /// The page as HTML.
+    #[must_use]
+    pub fn html(&self) -> String {
+        let mut body = format!("<h1>{}</h1>\n", escape(&self.title));
+        if let Some(note) = &self.note {
+            let _ = writeln!(body, "<p class=\"note\">{}</p>", escape(note));
         }
+        let _ = writeln!(body, "<p class=\"origin\">{}</p>", escape(&self.origin));
+        self.verdict.write(&mut body);
+        contents(&mut body, &self.chapters, !self.maps.is_empty());
+        let mut data = String::new();
+        self.write_maps(&mut body, &mut data);
+        for (c, chapter) in self.chapters.iter().enumerate() {
+            let _ = writeln!(
+                body,
+                "<h2 id=\"c{c}\">{}</h2>\n<p class=\"origin\">{}</p>",
+                escape(&chapter.title),
+                escape(&chapter.origin)
+            );
+            for (s, section) in chapter.sections.iter().enumerate() {
+                let _ = writeln!(body, "<section id=\"c{c}s{s}\">");
+                section.write(&mut body);
+                body.push_str("</section>\n");
+            }
+        }
+        include_str!("report/page.html")
+            .replace("{{title}}", &escape(&self.title))
+            .replace("{{style}}", include_str!("report/page.css"))
+            .replace("{{script}}", include_str!("report/live_map.js"))
+            .replace("{{data}}", &data)
+            .replace("{{body}}", &body)
     }
-    include_str!("report/page.html")
-        .replace("{{title}}", &escape(title))
-        .replace("{{style}}", include_str!("report/page.css"))
-        .replace("{{script}}", include_str!("report/live_map.js"))
-        .replace("{{body}}", &body)
+
+    fn write_maps(&self, body: &mut String, data: &mut String) {
+        if self.maps.is_empty() {
+            return;
+        }
+        let alone = if self.maps.len() == 1 { " alone" } else { "" };
+        body.push_str("<h2 id=\"maps\">Look into the latents</h2>\n");
+        for remark in &self.map_remarks {
+            let _ = writeln!(body, "<p class=\"remark\">{}</p>", escape(remark));
+        }
+        let _ = writeln!(body, "<div class=\"maps{alone}\">");
+        for (number, map) in self.maps.iter().enumerate() {
+            map.write(body, &format!("map{number}"));
+            map.write_data(data, &format!("map{number}"));
+        }
+        body.push_str("</div>\n");
+    }
 }
 
-fn contents(body: &mut String, chapters: &[Chapter]) {
-    body.push_str("<nav><ul>\n");
+fn contents(body: &mut String, chapters: &[Chapter], maps: bool) {
+    body.push_str("<nav aria-label=\"contents\"><ul>\n");
+    if maps {
+        body.push_str("<li><a href=\"#maps\"><b>Look into the latents</b></a></li>\n");
+    }
     for (c, chapter) in chapters.iter().enumerate() {
         let links: Vec<String> = chapter
             .sections
@@ -98,7 +155,7 @@ fn contents(body: &mut String, chapters: &[Chapter]) {
 }
 
 impl Section {
-    fn write(&self, body: &mut String, maps: &mut usize) {
+    fn write(&self, body: &mut String) {
         let _ = writeln!(
             body,
             "<h3>{}</h3>\n<p class=\"reading\">{}</p>\n<p class=\"result\">{}</p>",
@@ -109,15 +166,12 @@ impl Section {
         for remark in &self.remarks {
             let _ = writeln!(body, "<p class=\"remark\">{}</p>", escape(remark));
         }
-        if let Some(map) = &self.map {
-            map.write(body, *maps);
-            *maps += 1;
-        }
         body.push_str("<div class=\"figures\">\n");
         for figure in &self.figures {
+            let class = if figure.broad { " class=\"broad\"" } else { "" };
             let _ = writeln!(
                 body,
-                "<img alt=\"{}\" src=\"data:image/svg+xml;base64,{}\">",
+                "<figure{class}><img alt=\"{}\" src=\"data:image/svg+xml;base64,{}\"></figure>",
                 escape(&figure.alt),
                 STANDARD.encode(&figure.svg)
             );

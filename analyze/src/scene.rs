@@ -16,7 +16,7 @@ use vibes_data::Latents;
 
 use crate::input::Frames;
 use crate::picture::color::{self, Color};
-use crate::picture::png::encode_jpeg;
+use crate::picture::encode::encode_jpeg;
 use vibes_measure::neighbours::Neighbours;
 
 /// The timeline's name: the running number of the rows shown.

@@ -6,12 +6,14 @@
 
 mod arrow_table;
 mod atomic;
+mod decoded;
 mod episode;
 mod error;
 mod latents;
 mod manifest;
 mod map;
 mod mcap_log;
+mod portable;
 mod quantities;
 mod recording;
 mod spec;
@@ -23,12 +25,14 @@ mod writer;
 
 pub use arrow_table::{episode_schema, read_episode_entry};
 pub use atomic::{sha256_hex, write_atomically};
+pub use decoded::{Decoded, DecodedRow};
 pub use episode::{BackgroundFrame, CameraPose, Episode, EpisodeBuilder, Frame};
 pub use error::{Error, Result};
 pub use latents::{Latents, LatentsSource, LatentsWriter};
 pub use manifest::{Cell, EpisodeEntry, FORMAT, FileEntry, Grid, Manifest, Video};
 pub use map::read_table;
 pub use mcap_log::{mcap_bytes, read_mcap};
+pub use portable::portable;
 pub use quantities::{About, Formula, Quantity, Readable};
 pub use recording::Recording;
 pub use spec::{ActionSpec, ImageSize, ObservationPart, Spec};

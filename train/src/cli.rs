@@ -12,6 +12,7 @@ use clap::{Parser, Subcommand};
 use vibes_train::TrainError;
 
 mod bench;
+mod decode;
 mod device;
 mod encode;
 mod evaluate;
@@ -57,6 +58,8 @@ enum Command {
     Online(Box<online::OnlineArgs>),
     /// Write the latents of a recording (posterior means of every row).
     Encode(encode::EncodeArgs),
+    /// Fit a picture decoder on frozen latents, and draw what they show and what the dynamics predict.
+    Decode(decode::DecodeArgs),
     /// Measure how good a run's latents are, on a held-out grid.
     Evaluate(evaluate::EvaluateArgs),
     /// Say what a run holds and how far it got.
@@ -72,6 +75,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Offline(args) => offline::run(&cli.context, args),
         Command::Online(args) => online::run(&cli.context, &args),
         Command::Encode(args) => encode::run(&cli.context, &args),
+        Command::Decode(args) => decode::run(&cli.context, &args),
         Command::Evaluate(args) => evaluate::run(&cli.context, &args),
         Command::Info(args) => info::run(&cli.context, &args),
         Command::Bench(args) => bench::run(&cli.context, &args),

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use burn::tensor::Device;
-use vibes_data::{EpisodeEntry, EpisodeView, Latents, LatentsSource, LatentsWriter, Recording};
+use vibes_data::{EpisodeEntry, EpisodeView, Latents, LatentsSource, LatentsWriter, Recording, portable};
 use vibes_model::encode::{EpisodeEncoder, RawFrames};
 use vibes_model::{Model, ObservationKind};
 
@@ -27,7 +27,10 @@ pub fn encode_recording(
     listen: &mut dyn FnMut(u64),
 ) -> Result<()> {
     check_fit(model, recording)?;
-    let source = LatentsSource { recording: Some(absolute(recording.path())), checkpoint: Some(absolute(checkpoint)) };
+    let source = LatentsSource {
+        recording: Some(portable(recording.path(), output)),
+        checkpoint: Some(portable(checkpoint, output)),
+    };
     let mut table = LatentsWriter::create(output, model.config.latent, &source)?;
     let mut encoder = EpisodeEncoder::new(model, device);
     let mut done = 0;
@@ -120,8 +123,4 @@ fn chunk(
         latent,
         source: LatentsSource::default(),
     }
-}
-
-fn absolute(path: &Path) -> String {
-    std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
 }

@@ -12,11 +12,13 @@
 //! | [`run`], [`metrics`], [`vibes_measure::spectrum`] | the run folder, its numbers over time |
 //! | [`mod@summary`], [`tensorboard`] | those numbers on one page, and for TensorBoard |
 //! | [`encode`] | a trained run's latents of a recording |
+//! | [`mod@decode`] | what those latents show: a picture decoder fitted on them |
 //! | [`evaluate`] | how good the latents are, on a held-out grid |
 //! | [`mod@bench`] | how long an update takes |
 
 pub mod batch;
 pub mod bench;
+pub mod decode;
 pub mod encode;
 pub mod error;
 pub mod evaluate;

@@ -7,34 +7,16 @@ use anyhow::Context;
 use serde_json::json;
 
 use super::{Globals, Outcome, say, wrong};
-use crate::curves::{CurvePoint, Mark, RunScore, mean_curve, score_table};
+use crate::curves::{CurvePoint, mean_curve};
 use crate::figures::{Curve, Curves, Entry, Facet, Figure, Heading, Table};
 use crate::input::{Run, Series};
+use crate::metrics::{DYNAMICS_GAP, Metric};
 use crate::output::{self, Column, write_table};
+use crate::scores::{self, Mark, RunScore, score_table};
 use vibes_measure::intervals::Interval;
 
 /// Most places along a mean curve.
 const PLACES: usize = 200;
-
-/// Metrics shown unless others are asked for, if the runs have them: name, title, whether higher is better.
-const KNOWN: [(&str, &str, bool); 13] = [
-    ("episode_return", "episode return", true),
-    ("objective", "objective (nats a row)", true),
-    ("dynamics_log_likelihood", "dynamics log-likelihood (nats)", true),
-    ("adversary_log_likelihood", "adversary log-likelihood (nats)", true),
-    ("gap", "gap: adversary − dynamics (nats)", false),
-    ("reward_log_likelihood", "reward log-likelihood (nats)", true),
-    ("clipped_share", "share of clipped terms", false),
-    ("effective_rank", "effective rank of the latents", true),
-    ("frames_per_second", "frames a second", true),
-    (DYNAMICS_GAP, "held-out dynamics gap (nats)", false),
-    ("held_out.gaps.reward_gap", "held-out reward gap (nats)", false),
-    ("held_out.numbers.retrieval_same_step@1.estimate", "held-out retrieval_same_step@1", true),
-    ("held_out.numbers.state_share.estimate", "held-out state_share", true),
-];
-
-/// How far the latents are from a bisimulation.
-const DYNAMICS_GAP: &str = "held_out.gaps.dynamics_gap";
 
 /// Learning curves over run folders, with 95% intervals over the runs of a group, and a table of where they ended.
 ///
@@ -109,7 +91,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     files.extend(Figure::Table(table.clone()).save(&out, "table")?);
     files.push(write_curves(&out, &curves)?);
     let document = output::document(
-        &json!({ "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "curves", "runs": options.runs, "note": options.note }),
+        &json!({ "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "curves", "runs": options.runs.iter().map(|run| vibes_data::portable(run, &out)).collect::<Vec<_>>(), "note": options.note }),
         &json!({ "groups": names, "table": numbers(&table) }),
     )?;
     let path = out.join("curves.json");
@@ -135,23 +117,6 @@ fn progress(runs: &[Run]) -> String {
     if updates.0.is_finite() { format!(", {} to {} updates", updates.0, updates.1) } else { String::new() }
 }
 
-/// A metric to show.
-struct Metric {
-    name: String,
-    title: String,
-    higher_is_better: bool,
-}
-
-impl Metric {
-    fn named(name: &str) -> Self {
-        let known = KNOWN.iter().find(|k| k.0 == name);
-        known.map_or_else(
-            || Self { name: name.into(), title: name.replace('_', " "), higher_is_better: true },
-            |k| Self { name: k.0.into(), title: k.1.into(), higher_is_better: k.2 },
-        )
-    }
-}
-
 /// The metric's name, if a run has it.
 fn known<'n>(name: &'n str, runs: &[Run]) -> anyhow::Result<&'n str> {
     let there: BTreeSet<&str> = runs.iter().flat_map(|r| r.series.keys()).map(String::as_str).collect();
@@ -168,10 +133,10 @@ fn metrics(options: &Options, runs: &[Run]) -> anyhow::Result<Vec<Metric>> {
     options.metrics.iter().try_for_each(|name| known(name, runs).map(|_| ()))?;
     let mut chosen: Vec<&str> = options.metrics.iter().map(String::as_str).collect();
     if chosen.is_empty() {
-        chosen = KNOWN.iter().map(|k| k.0).filter(|k| there.contains(k)).collect();
+        chosen = Metric::known().filter(|name| there.contains(name)).collect();
     }
     if chosen.is_empty() {
-        chosen = there.into_iter().take(KNOWN.len()).collect();
+        chosen = there.into_iter().take(Metric::known().count()).collect();
     }
     if chosen.is_empty() {
         let paths: Vec<String> = runs.iter().map(|r| r.path.display().to_string()).collect();
@@ -270,13 +235,7 @@ fn band(y: &Interval) -> (f64, f64) {
     (end(y.low), end(y.high))
 }
 
-/// The mean of a run's last tenth of a metric, at least one value.
-fn final_value(series: &Series) -> f64 {
-    let count = (series.len() / 10).max(1);
-    series[series.len() - count..].iter().map(|p| p.1).sum::<f64>() / count as f64
-}
-
-/// The final values of a metric, one a run that has it. The highest is best: of a metric that should be low, the negative.
+/// The final values of a metric, one a run that has it.
 fn scores(
     runs: &[Run],
     metric: &Metric,
@@ -284,25 +243,19 @@ fn scores(
     task: impl Fn(usize) -> String,
 ) -> Vec<RunScore> {
     let score = |i: usize| {
-        let series = runs[i].series.get(&metric.name).filter(|s| !s.is_empty())?;
-        Some(RunScore { method: method(i), task: task(i), score: metric.sign() * final_value(series) })
+        let score = runs[i].final_value(&metric.name)?;
+        Some(RunScore { method: method(i), task: task(i), score, higher_is_better: metric.higher_is_better })
     };
     (0..runs.len()).filter_map(score).collect()
 }
 
-impl Metric {
-    fn sign(&self) -> f64 {
-        if self.higher_is_better { 1.0 } else { -1.0 }
-    }
-
-    /// An entry as it is drawn; marks only where there is something to compare.
-    fn entry(&self, e: &crate::curves::Entry, compared: bool) -> Entry {
-        Entry {
-            mean: self.sign() * e.score.estimate,
-            half: Some(e.score.high - e.score.estimate).filter(|h| h.is_finite()),
-            best: compared && e.mark == Mark::Best,
-            tied: compared && e.mark == Mark::Tied,
-        }
+/// An entry as it is drawn.
+fn drawn(e: &scores::Entry) -> Entry {
+    Entry {
+        mean: e.score.estimate,
+        half: Some(e.score.high - e.score.estimate).filter(|h| h.is_finite()),
+        best: e.mark == Mark::Best,
+        tied: e.mark == Mark::Tied,
     }
 }
 
@@ -322,21 +275,16 @@ fn by_task(heading: Heading, runs: &[Run], groups: &[String], metric: &Metric) -
     let made = score_table(&scores(runs, metric, |i| groups[i].clone(), task));
     let compared = made.methods.len() > 1;
     let mut columns = made.tasks.clone();
-    let row = |entries: &Vec<Option<crate::curves::Entry>>| -> Vec<Option<Entry>> {
-        entries.iter().map(|e| e.as_ref().map(|e| metric.entry(e, compared))).collect()
+    let row = |entries: &Vec<Option<scores::Entry>>| -> Vec<Option<Entry>> {
+        entries.iter().map(|e| e.as_ref().map(drawn)).collect()
     };
     let mut rows: Vec<(String, Vec<Option<Entry>>)> =
         made.methods.iter().cloned().zip(made.entries.iter().map(row)).collect();
     if made.tasks.len() > 1 {
         columns.push("average".into());
-        let best = made.averages.iter().flatten().copied().fold(f64::NEG_INFINITY, f64::max);
-        for ((_, row), average) in rows.iter_mut().zip(&made.averages) {
-            row.push(average.map(|mean| Entry {
-                mean: metric.sign() * mean,
-                half: None,
-                best: compared && mean >= best,
-                tied: false,
-            }));
+        let best = made.best_average();
+        for (i, ((_, row), average)) in rows.iter_mut().zip(&made.averages).enumerate() {
+            row.push(average.map(|mean| Entry { mean, half: None, best: best == Some(i), tied: false }));
         }
     }
     Table { heading, corner: metric.title.clone(), columns, rows, foot: foot(compared, "column") }
@@ -354,7 +302,7 @@ fn by_metric(heading: Heading, runs: &[Run], groups: &[String], metrics: &[Metri
         let made = score_table(&scores(runs, metric, |i| groups[i].clone(), |_| metric.name.clone()));
         let of = |group: &String| {
             let at = made.methods.iter().position(|method| method == group)?;
-            made.entries[at][0].as_ref().map(|e| metric.entry(e, made.methods.len() > 1))
+            made.entries[at][0].as_ref().map(drawn)
         };
         (metric.title.clone(), columns.iter().map(of).collect())
     };

@@ -7,11 +7,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::Serialize;
 use serde_json::{Value, json};
-use vibes_data::Latents;
+use vibes_data::{Latents, portable};
 
 use super::{Globals, Outcome, say, wrong};
 use crate::figures::{Figure, Heading};
-use crate::input::{Frames, InputError, find_recording, newest_latents, read_latents};
+use crate::input::{
+    Asked, Frames, InputError, ReadLatents, RowsError, UserColumn, find_recording, newest_latents, read_asked,
+};
 use crate::output;
 use crate::output::Column;
 use vibes_measure::Table;
@@ -40,6 +42,12 @@ pub(super) struct Input {
     /// A line under the title of every figure, as in "after 300 updates: barely trained".
     #[arg(long, value_name = "TEXT")]
     note: Option<String>,
+    /// Which rows to look at, as in "step >= 50 and state in (0, 3)": an expression over columns of the latents or of a joined table.
+    #[arg(long = "where", value_name = "EXPRESSION")]
+    rows: Option<String>,
+    /// A table of your own (CSV, Parquet, Arrow, npz), joined on episode and step, or on episode alone; may be given several times.
+    #[arg(long, value_name = "TABLE")]
+    join: Vec<PathBuf>,
 }
 
 impl Input {
@@ -60,7 +68,20 @@ impl Input {
             output: owned(output),
             seed,
             note: note.map(String::from),
+            rows: None,
+            join: Vec::new(),
         }
+    }
+
+    /// The same with tables of the user's own beside the latents.
+    pub(super) fn joined(self, tables: &[PathBuf]) -> Self {
+        Self { join: tables.to_vec(), ..self }
+    }
+
+    /// What is asked of the table of latents; `columns` are those that the verb has a use for.
+    fn asked(&self, columns: &[String]) -> anyhow::Result<Asked> {
+        let rows = self.rows.as_deref().map(str::parse).transpose().map_err(|e: RowsError| wrong(e.to_string()))?;
+        Ok(Asked { rows, joins: self.join.clone(), columns: columns.to_vec() })
     }
 }
 
@@ -72,6 +93,8 @@ pub(super) struct Session {
     pub(super) out: PathBuf,
     pub(super) seed: u64,
     pub(super) outcome: Outcome,
+    /// The user's own columns that the verb asked for.
+    pub(super) columns: Vec<(String, UserColumn)>,
     input: Input,
     about: Value,
 }
@@ -79,6 +102,17 @@ pub(super) struct Session {
 impl Session {
     /// Reads the latents and makes the output folder. `verb` and `options` go into every output.
     pub(super) fn open(input: &Input, globals: &Globals, verb: &str, options: Value) -> anyhow::Result<Self> {
+        Self::open_with(input, globals, verb, options, &[])
+    }
+
+    /// The same, with columns of the user's own beside the latents.
+    pub(super) fn open_with(
+        input: &Input,
+        globals: &Globals,
+        verb: &str,
+        options: Value,
+        columns: &[String],
+    ) -> anyhow::Result<Self> {
         let named = input.latents.clone().or_else(|| input.input.clone());
         let (path, how) = match &named {
             Some(path) if path.is_dir() => (newest_latents(path)?, " (the newest there)"),
@@ -88,7 +122,7 @@ impl Session {
                 " (the newest; name others with --latents)",
             ),
         };
-        let latents = read_latents(&path)?;
+        let ReadLatents { latents, columns, remarks } = read_asked(&path, &input.asked(columns)?)?;
         say(
             globals,
             format_args!("latents: {}{how}, {} rows of {} dimensions", path.display(), latents.len(), latents.dims),
@@ -96,10 +130,11 @@ impl Session {
         let out = input.output.clone().unwrap_or_else(|| path.parent().unwrap_or(Path::new("")).join("figures"));
         let about = json!({
             "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": verb, "options": options, "seed": input.seed,
-            "latents": path, "rows": latents.len(), "dims": latents.dims, "checkpoint": latents.source.checkpoint, "note": input.note,
+            "latents": portable(&path, &out), "rows": latents.len(), "where": input.rows, "dims": latents.dims,
+            "checkpoint": latents.source.checkpoint, "note": input.note,
         });
-        let session =
-            Self { latents, path, out, seed: input.seed, outcome: Outcome::default(), input: input.clone(), about };
+        let outcome = Outcome { remarks, ..Outcome::default() };
+        let session = Self { latents, path, out, seed: input.seed, outcome, columns, input: input.clone(), about };
         session.table().with_context(|| format!("these latents cannot be analysed: {}", session.path.display()))?;
         std::fs::create_dir_all(&session.out)
             .with_context(|| format!("cannot create the folder {}", session.out.display()))?;
@@ -180,7 +215,7 @@ impl Session {
     /// Writes numbers as the table `STEM.arrow`, which names the latents.
     pub(super) fn write_arrow(&mut self, stem: &str, columns: &[(&str, Column)]) -> anyhow::Result<()> {
         let path = self.out.join(format!("{stem}.arrow"));
-        output::write_table(&path, columns, &[("vibes.latents", self.path.display().to_string())])?;
+        output::write_table(&path, columns, &[("vibes.latents", portable(&self.path, &self.out))])?;
         self.outcome.files.push(path);
         Ok(())
     }

@@ -6,6 +6,7 @@ use super::maps::MapOptions;
 use super::session::{Input, Session};
 use super::{Globals, Outcome};
 use crate::figures::{Coloring, Figure, Map};
+use crate::input::UserColumn;
 
 /// A map of the latents: figures coloured by step, state and reward, and map.arrow (episode, step, x, y).
 ///
@@ -17,10 +18,15 @@ pub(super) struct Options {
     input: Input,
     #[command(flatten)]
     map: MapOptions,
+    /// Columns to colour the map by beside step, state, distractor and reward: of the latents' table or of one that is joined.
+    #[arg(long, value_name = "COLUMN,…", value_delimiter = ',')]
+    color: Vec<String>,
 }
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
-    let mut session = Session::open(&options.input, globals, "umap", options.map.json())?;
+    let mut about = options.map.json();
+    about["color"] = json!(options.color);
+    let mut session = Session::open_with(&options.input, globals, "umap", about, &options.color)?;
     let began = std::time::Instant::now();
     let made = options.map.map(&mut session, globals)?;
     let seconds = began.elapsed().as_secs_f64();
@@ -47,25 +53,39 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
 }
 
 /// The colourings that the table has columns for: file stem, colours, name.
-fn colorings(session: &Session) -> Vec<(&'static str, Coloring, &'static str)> {
+fn colorings(session: &Session) -> Vec<(String, Coloring, String)> {
     let l = &session.latents;
     let quantity = |name: &str, values: Vec<f64>| Coloring::Quantity { name: name.into(), values };
-    let mut all = vec![("time", quantity("step", l.step.iter().map(|&s| f64::from(s)).collect()), "time")];
+    let mut all =
+        vec![("time".into(), quantity("step", l.step.iter().map(|&s| f64::from(s)).collect()), "time".into())];
     for (stem, kinds, title) in
         [("state", &l.state, "state trajectory"), ("distractor", &l.distractor, "distractor trajectory")]
     {
         if kinds.iter().any(Option::is_some) {
-            all.push((stem, Coloring::Kind { name: stem.into(), kinds: kinds.clone() }, title));
+            let coloring = Coloring::Kind { name: stem.into(), kinds: kinds.clone(), names: Vec::new() };
+            all.push((stem.into(), coloring, title.into()));
         }
     }
     if l.reward.iter().any(Option::is_some) {
         all.push((
-            "reward",
+            "reward".into(),
             quantity("reward", l.reward.iter().map(|r| r.map_or(f64::NAN, f64::from)).collect()),
-            "reward",
+            "reward".into(),
         ));
     }
+    for (name, column) in &session.columns {
+        let coloring = match column.clone() {
+            UserColumn::Numbers(values) => quantity(name, values),
+            UserColumn::Kinds { of_row, names } => Coloring::Kind { name: name.clone(), kinds: of_row, names },
+        };
+        all.push((file_stem(name), coloring, name.clone()));
+    }
     all
+}
+
+/// A column's name as part of a file's.
+fn file_stem(name: &str) -> String {
+    name.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
 }
 
 /// `16,064`.

@@ -1,10 +1,12 @@
 //! Numbers with intervals as horizontal bars, in groups that each have their own axis: variance shares, retrieval, symmetry, errors.
 
-use super::axes::{reference, whisker_x};
+use plotters::prelude::{Color as _, Rectangle};
+
+use super::axes::{Axes, Chart, Drawn, chart, reference, rgba, whisker};
 use super::heading::Heading;
-use crate::picture::axis::{self, LABEL_SIZE, Scale, TICK_SIZE, minus};
 use crate::picture::color::{FAINT, INK, kind};
 use crate::picture::font::{Weight, fit, width};
+use crate::picture::number::{LABEL_SIZE, TICK_SIZE, minus};
 use crate::picture::{Anchor, COLUMN, Picture, Rect, TextStyle};
 
 /// Height of one bar with its gap, points.
@@ -77,37 +79,44 @@ impl BarGroup {
     fn draw(&self, picture: &mut Picture, left: f64, top: f64) {
         // The number stands right of the axis, where no interval can run into it.
         let area = Rect::new(left, top, COLUMN - left - 34.0, self.bars.len() as f64 * PITCH);
-        let (lo, hi) = self.range();
-        let scale = Scale::new(lo, hi, area.x, area.right());
-        axis::draw_x(picture, area, &scale, &self.axis);
+        let x = self.range();
+        let axes = Axes { area, x, y: (0.0, area.h), x_title: Some(&self.axis), y_axis: false, x_rules: false };
         // Shares all have three decimals, so that they can be compared at a glance.
         let shares = self.range == Some((0.0, 1.0));
         for (i, bar) in self.bars.iter().enumerate() {
             let y = top + (i as f64 + 0.5) * PITCH;
             let text = if shares { format!("{:.3}", bar.value) } else { number(bar.value) };
-            bar.draw(picture, &scale, (left, y), i, &text);
+            bar.write(picture, area, y, &text);
         }
+        chart(picture, axes, |chart| {
+            let middle = |i: usize| area.h - (i as f64 + 0.5) * PITCH;
+            self.bars.iter().enumerate().try_for_each(|(i, bar)| bar.draw(chart, x, middle(i), i))
+        });
     }
 }
 
 impl Bar {
-    fn draw(&self, picture: &mut Picture, scale: &Scale, (left, y): (f64, f64), i: usize, number: &str) {
-        let label = fit(&self.label, LABEL_SIZE, Weight::Regular, left - 10.0);
-        picture.text((left - 4.0, y + 2.5), label, TextStyle::new(LABEL_SIZE).anchor(Anchor::End));
+    /// Its name on the left, its number on the right.
+    fn write(&self, picture: &mut Picture, area: Rect, y: f64, number: &str) {
+        let label = fit(&self.label, LABEL_SIZE, Weight::Regular, area.x - 10.0);
+        picture.text((area.x - 4.0, y + 2.5), label, TextStyle::new(LABEL_SIZE).anchor(Anchor::End));
         let number = if self.value.is_finite() { minus(number) } else { "no value".to_string() };
-        picture.text((scale.to + 5.0, y + 2.3), number, TextStyle::new(TICK_SIZE + 0.5));
+        picture.text((area.right() + 5.0, y + 2.3), number, TextStyle::new(TICK_SIZE + 0.5));
+    }
+
+    fn draw(&self, chart: &mut Chart<'_, '_>, (lo, hi): (f64, f64), y: f64, i: usize) -> Drawn {
         if !self.value.is_finite() {
-            return;
+            return Ok(());
         }
-        let inside = |v: f64| scale.at(v.clamp(scale.lo, scale.hi));
-        let (zero, end) = (inside(0.0), inside(self.value));
-        picture.fill(Rect::new(zero.min(end), y - 4.0, (end - zero).abs(), 8.0), kind(i));
-        if let Some((lo, hi)) = self.interval {
-            whisker_x(picture, y, inside(lo), inside(hi), INK);
+        let inside = |v: f64| v.clamp(lo, hi);
+        let corners = [(inside(0.0), y - 4.0), (inside(self.value), y + 4.0)];
+        chart.draw_series([Rectangle::new(corners, rgba(kind(i)).filled())])?;
+        if let Some((low, high)) = self.interval {
+            whisker(chart, y, (inside(low), inside(high)), INK)?;
         }
-        if let Some(chance) = self.chance.filter(|c| c.is_finite()) {
-            let x = inside(chance);
-            reference(picture, (x, y - 6.0), (x, y + 6.0));
+        match self.chance.filter(|chance| chance.is_finite()) {
+            Some(chance) => reference(chart, inside(chance), (y - 6.0, y + 6.0)),
+            None => Ok(()),
         }
     }
 }

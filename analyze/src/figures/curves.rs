@@ -1,11 +1,15 @@
 //! Curves over training (Figure 3 of the paper): one facet a metric, one line a group of runs, a band for the interval over its runs.
 
+use plotters::prelude::{Circle, Color as _, LineSeries, Polygon};
+
+use super::axes::{Axes, Chart, Drawn, chart, rgba};
 use super::heading::Heading;
 use super::legend;
-use crate::picture::axis::{self, LABEL_SIZE, Scale};
 use crate::picture::color::{Color, kind};
 use crate::picture::font::{Weight, fit};
-use crate::picture::{COLUMN, PAGE, Picture, Point, Rect, TextStyle};
+use crate::picture::number::LABEL_SIZE;
+use crate::picture::plot::{units, width_units};
+use crate::picture::{COLUMN, PAGE, Picture, Rect, TextStyle};
 
 /// One line with its band.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,43 +78,43 @@ impl Facet {
                 .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
             if lo <= hi { (lo, hi) } else { (0.0, 1.0) }
         };
-        let (x0, x1) = finite(&mut self.curves.iter().flat_map(|c| c.x.iter().copied()));
+        let x = finite(&mut self.curves.iter().flat_map(|c| c.x.iter().copied()));
         let bands = self.curves.iter().flat_map(|c| c.band.iter().flat_map(|b| [b.0, b.1]));
         let (y0, y1) = finite(&mut self.curves.iter().flat_map(|c| c.mean.iter().copied()).chain(bands));
         let pad = 0.04 * (y1 - y0);
-        let x = Scale::new(x0, x1, area.x, area.right());
-        let y = Scale::new(y0 - pad, y1 + pad, area.bottom(), area.y);
-        axis::draw_y(picture, area, &y, "");
-        axis::draw_x(picture, area, &x, axis_title);
+        let y = (y0 - pad, y1 + pad);
         let title = fit(&self.metric, LABEL_SIZE, Weight::Bold, area.w + 30.0);
         picture.text((area.x - 26.0, area.y - 5.0), title, TextStyle::new(LABEL_SIZE).bold());
-        for curve in &self.curves {
-            curve.draw(picture, &x, &y);
-        }
+        let axes = Axes { area, x, y, x_title: Some(axis_title), y_axis: true, x_rules: false };
+        chart(picture, axes, |chart| self.curves.iter().try_for_each(|curve| curve.draw(chart)));
     }
 }
 
 impl Curve {
-    fn draw(&self, picture: &mut Picture, x: &Scale, y: &Scale) {
+    fn draw(&self, chart: &mut Chart<'_, '_>) -> Drawn {
         let color = kind(self.group);
         if self.band.len() == self.x.len() && self.x.len() > 1 {
-            let at = |(&v, &b): (&f64, &f64)| (x.at(v), y.at(b));
-            let (lo, hi): (Vec<f64>, Vec<f64>) = self.band.iter().copied().unzip();
-            let mut area: Vec<Point> = self.x.iter().zip(&hi).map(at).collect();
-            area.extend(self.x.iter().zip(&lo).rev().map(at));
+            let upper = self.x.iter().zip(&self.band).map(|(&x, band)| (x, band.1));
+            let lower = self.x.iter().zip(&self.band).rev().map(|(&x, band)| (x, band.0));
+            let area: Vec<(f64, f64)> = upper.chain(lower).collect();
             if area.iter().all(|p| p.1.is_finite()) {
-                picture.polygon(&area, color.alpha(0.22));
+                chart.draw_series([Polygon::new(area, rgba(color.alpha(0.22)))])?;
             }
         }
         // A value that is not a number breaks the line instead of joining its neighbours.
         let points: Vec<(f64, f64)> = self.x.iter().copied().zip(self.mean.iter().copied()).collect();
         for part in points.split(|(_, v)| !v.is_finite()) {
-            let part: Vec<Point> = part.iter().map(|&(a, b)| (x.at(a), y.at(b))).collect();
-            match part.as_slice() {
+            match part {
                 [] => {}
-                [one] => picture.dot(*one, 1.5, color),
-                many => picture.line(many, 1.1, color),
+                [one] => {
+                    chart.draw_series([Circle::new(*one, units(1.5), rgba(color).filled())])?;
+                }
+                many => {
+                    let style = rgba(color).stroke_width(width_units(1.1));
+                    chart.draw_series(LineSeries::new(many.iter().copied(), style))?;
+                }
             }
         }
+        Ok(())
     }
 }

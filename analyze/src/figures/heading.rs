@@ -1,8 +1,8 @@
 //! The heading that all figures share: a title, and a note that says what must be known before reading (how far training got).
 
-use crate::picture::axis::{LABEL_SIZE, TITLE_SIZE};
 use crate::picture::color::{Color, INK};
 use crate::picture::font::{Weight, wrap};
+use crate::picture::number::{LABEL_SIZE, TITLE_SIZE};
 use crate::picture::{Picture, TextStyle};
 
 /// Vermillion, dark enough to be read in print.

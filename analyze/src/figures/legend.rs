@@ -1,35 +1,59 @@
 //! Keys to colours: a bar for quantities, swatches for kinds.
 
-use crate::picture::axis::{LABEL_SIZE, Scale, TICK_SIZE, labels};
+use plotters::prelude::{ChartBuilder, Color as _, IntoDrawingArea as _, IntoFont as _, Rectangle};
+use plotters::style::FontTransform;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::axes::{Drawn, rgba};
 use crate::picture::color::{Color, INK, viridis};
 use crate::picture::font::{Weight, width};
-use crate::picture::{Anchor, Picture, Rect, TextStyle};
+use crate::picture::number::{LABEL_SIZE, TICK_SIZE, tick};
+use crate::picture::plot::{Canvas, UNITS, units, width_units};
+use crate::picture::{Picture, Rect, TextStyle};
 
 /// Room that a colour bar's ticks and title take right of the bar, points.
 pub(super) const BAR_ROOM: f64 = 40.0;
 
 /// Draws an upright viridis bar with ticks on its right and its title reading upwards.
 pub(super) fn color_bar(picture: &mut Picture, area: Rect, lo: f64, hi: f64, title: &str) {
-    let parts = 64;
-    let h = area.h / f64::from(parts);
-    for i in 0..parts {
-        let y = area.bottom() - f64::from(i + 1) * h;
-        // A little overlap hides the seams between neighbouring pieces.
-        let overlap = if i == 0 { 0.0 } else { 0.3 };
-        picture.fill(Rect::new(area.x, y, area.w, h + overlap), viridis((f64::from(i) + 0.5) / f64::from(parts)));
+    if let Err(error) = bar(picture, area, (lo, if hi > lo { hi } else { lo + 1.0 }), title) {
+        picture.text((area.x, area.y), error.to_string(), TextStyle::new(TICK_SIZE));
     }
     picture.frame(area, 0.4, INK);
-    let scale = Scale::new(lo, hi, area.bottom(), area.y);
-    let ticks = scale.ticks(((area.h / 28.0) as usize).clamp(1, 6));
-    let texts = labels(&ticks);
-    let widest = texts.iter().map(|t| width(t, TICK_SIZE, Weight::Regular)).fold(0.0, f64::max);
-    for (tick, text) in ticks.iter().zip(texts) {
-        let y = scale.at(*tick);
-        picture.line(&[(area.right(), y), (area.right() + 2.0, y)], 0.5, INK);
-        picture.text((area.right() + 3.5, y + 0.36 * TICK_SIZE), text, TextStyle::new(TICK_SIZE));
-    }
-    let at = (area.right() + 3.5 + widest + LABEL_SIZE + 1.0, area.y + area.h / 2.0);
-    picture.text(at, title, TextStyle::new(LABEL_SIZE).anchor(Anchor::Middle).upwards());
+}
+
+fn bar(picture: &mut Picture, area: Rect, (lo, hi): (f64, f64), title: &str) -> Drawn {
+    let root = Canvas::new(picture).into_drawing_area();
+    let size = (width_units(area.w + BAR_ROOM - 6.0), width_units(area.h));
+    let part = root.shrink((units(area.x), units(area.y)), size);
+    let mut chart = ChartBuilder::on(&part)
+        .right_y_label_area_size(width_units(BAR_ROOM - 6.0))
+        .build_cartesian_2d(0.0..1.0, lo..hi)?;
+    let parts = 64;
+    let piece = |i: i32| {
+        let at = |i: f64| lo + (hi - lo) * i / f64::from(parts);
+        // A little overlap hides the seams between neighbouring pieces.
+        let to = (f64::from(i) + if i + 1 < parts { 1.3 } else { 1.0 }).min(f64::from(parts));
+        let color = rgba(viridis((f64::from(i) + 0.5) / f64::from(parts)));
+        Rectangle::new([(0.0, at(f64::from(i))), (1.0, at(to))], color.filled())
+    };
+    chart.draw_series((0..parts).map(piece))?;
+    let largest = lo.abs().max(hi.abs());
+    let ink = rgba(INK);
+    chart
+        .configure_mesh()
+        .disable_mesh()
+        .disable_x_axis()
+        .axis_style(ink.stroke_width(width_units(0.5)))
+        .set_all_tick_mark_size(units(2.0))
+        .label_style(("sans-serif", TICK_SIZE * UNITS).into_font().color(&ink))
+        .y_labels(((area.h / 28.0) as usize).clamp(2, 6))
+        .y_label_formatter(&|value| tick(*value, largest))
+        .draw()?;
+    let style = ("sans-serif", LABEL_SIZE * UNITS).into_font().color(&ink).transform(FontTransform::Rotate270);
+    let style = style.pos(Pos::new(HPos::Center, VPos::Bottom));
+    let at = (units(area.w + BAR_ROOM - 7.0), units(area.h / 2.0));
+    part.draw_text(title, &style, at)
 }
 
 /// Where swatches of these names go in a row of this width: lines of (name index, x), points.

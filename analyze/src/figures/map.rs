@@ -1,12 +1,16 @@
 //! The map: every row of the table as a point in the plane, coloured by a quantity or by kind.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
+use plotters::prelude::{Circle, Color as _};
+
+use super::axes::{Axes, chart, rgba};
 use super::heading::Heading;
 use super::legend::{self, BAR_ROOM};
-use crate::picture::axis::LABEL_SIZE;
 use crate::picture::color::{CONTEXT, Color, FAINT, RULE, viridis};
+use crate::picture::font::{Weight, fit};
+use crate::picture::number::LABEL_SIZE;
+use crate::picture::plot::units;
 use crate::picture::{COLUMN, Picture, Point, Rect, TextStyle};
 
 /// More points than this are thinned evenly before drawing, and the figure says so.
@@ -42,6 +46,8 @@ pub enum Coloring {
         name: String,
         /// One kind a point.
         kinds: Vec<Option<u32>>,
+        /// What the kinds are called, by number; empty where the number says it.
+        names: Vec<String>,
     },
 }
 
@@ -77,12 +83,15 @@ impl Map {
         let (centers, _) = fit_points(&all, area.w, area.h);
         let (centers, beneath) = centers.split_at(self.points.len());
         let beneath: Vec<Point> = beneath.iter().step_by(every).copied().collect();
-        if !beneath.is_empty() {
-            picture.dots((area.x, area.y), Arc::new(beneath), radius, CONTEXT);
-        }
-        for (list, color) in self.layers(centers, every) {
-            picture.dots((area.x, area.y), Arc::new(list), radius, color);
-        }
+        let layers = [(beneath, CONTEXT)].into_iter().chain(self.layers(centers, every));
+        let axes = Axes { area, x: (0.0, w), y: (0.0, h), x_title: None, y_axis: false, x_rules: false };
+        chart(&mut picture, axes, |chart| {
+            for (list, color) in layers {
+                let style = rgba(color).filled();
+                chart.draw_series(list.iter().map(|&(x, y)| Circle::new((x, h - y), units(radius), style)))?;
+            }
+            Ok(())
+        });
         frame(&mut picture, area, &self.axes);
         if let Coloring::Quantity { name, values } = &self.coloring {
             let (lo, hi) = range(values);
@@ -144,7 +153,16 @@ impl Map {
     }
 
     fn kind_names(&self) -> Vec<String> {
-        let Coloring::Kind { name, kinds } = &self.coloring else { return Vec::new() };
+        let Coloring::Kind { name, kinds, names: called } = &self.coloring else { return Vec::new() };
+        if !called.is_empty() {
+            let of_kind = |&kind: &u32| called.get(kind as usize).map_or("", String::as_str);
+            let short = |text: &str| fit(text, LABEL_SIZE, Weight::Regular, 90.0);
+            let mut names: Vec<String> = self.kinds().iter().map(|kind| short(of_kind(kind))).collect();
+            if let Some(last) = names.last_mut().filter(|_| called.len() > TEN.len()) {
+                last.push_str(" (colours repeat)");
+            }
+            return names;
+        }
         let largest = kinds.iter().flatten().max().copied().unwrap_or(0);
         let mut names: Vec<String> = self.kinds().iter().map(|k| format!("{name} {k}")).collect();
         for short in names.iter_mut().skip(1) {

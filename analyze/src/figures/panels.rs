@@ -6,9 +6,9 @@ use std::sync::Arc;
 use super::heading::Heading;
 use super::legend::{self, BAR_ROOM};
 use super::map::{aspect, fit_points};
-use crate::picture::axis::LABEL_SIZE;
 use crate::picture::color::{CONTEXT, FAINT, RULE, viridis};
 use crate::picture::font::{Weight, fit};
+use crate::picture::number::LABEL_SIZE;
 use crate::picture::{Anchor, COLUMN, PAGE, Picture, Point, Rect, TextStyle};
 
 /// The grey background never holds more points than this; more are thinned evenly.

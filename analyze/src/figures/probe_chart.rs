@@ -1,15 +1,20 @@
 //! What can be read from the latent: one line a quantity, one mark a source (the latent, the action-only control, the shuffled control).
 
-use super::axes::whisker_x;
+use plotters::prelude::{Circle, Color as _, EmptyElement, PathElement, Polygon};
+
+use super::axes::{Axes, Chart, Drawn, chart, rgba, whisker};
 use super::heading::Heading;
 use super::legend;
-use crate::picture::axis::{self, LABEL_SIZE, Scale};
-use crate::picture::color::{Color, FAINT, INK, RULE, WHITE, kind};
+use crate::picture::color::{Color, FAINT, INK, WHITE, kind};
 use crate::picture::font::{Weight, fit, width};
+use crate::picture::number::LABEL_SIZE;
+use crate::picture::plot::{units, width_units};
 use crate::picture::{Anchor, COLUMN, Picture, Rect, TextStyle};
 
 /// Height of one quantity, points.
 const PITCH: f64 = 12.0;
+/// Scores that are drawn: a little below nothing, to everything.
+const RANGE: (f64, f64) = (-0.1, 1.0);
 
 /// A score with its interval.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,22 +64,31 @@ impl ProbeChart {
         let names = self.rows.iter().map(|r| width(&r.quantity, LABEL_SIZE, Weight::Regular));
         let left = names.fold(20.0, f64::max).min(0.45 * COLUMN) + 10.0;
         let area = Rect::new(left, top + key + 6.0, COLUMN - left - 10.0, body);
-        let scale = Scale::new(-0.1, 1.0, area.x, area.right());
-        for tick in scale.ticks(((area.w / 45.0) as usize).clamp(2, 8)) {
-            let x = scale.at(tick);
-            picture.line(&[(x, area.y), (x, area.bottom())], 0.4, if tick.abs() < 1e-9 { FAINT } else { RULE });
-        }
-        axis::draw_x(&mut picture, area, &scale, &self.axis);
-        let mut y = area.y;
+        let axes = Axes { area, x: RANGE, y: (0.0, area.h), x_title: Some(&self.axis), y_axis: false, x_rules: true };
+        let mut y = 0.0;
+        let mut placed: Vec<(&ProbeRow, f64)> = Vec::new();
+        let mut titles: Vec<(String, f64)> = Vec::new();
         for section in sections {
             y += PITCH + 2.0;
-            let w = width(&section, LABEL_SIZE, Weight::Bold);
-            picture.fill(Rect::new(4.0, y - 11.0, w + 4.0, 10.0), WHITE);
-            picture.text((6.0, y - 3.5), section.clone(), TextStyle::new(LABEL_SIZE).bold());
             for row in self.rows.iter().filter(|r| r.section == section) {
                 y += PITCH;
-                row.draw(&mut picture, &scale, y - PITCH / 2.0, left);
+                placed.push((row, y - PITCH / 2.0));
             }
+            titles
+                .push((section.clone(), y - PITCH * self.rows.iter().filter(|r| r.section == section).count() as f64));
+        }
+        for (row, y) in &placed {
+            row.write(&mut picture, left, area.y + y);
+        }
+        chart(&mut picture, axes, |chart| {
+            let style = rgba(FAINT).stroke_width(width_units(0.4));
+            chart.draw_series([PathElement::new(vec![(0.0, 0.0), (0.0, area.h)], style)])?;
+            placed.iter().try_for_each(|(row, y)| row.draw(chart, area.h - y))
+        });
+        for (title, y) in titles {
+            let (w, y) = (width(&title, LABEL_SIZE, Weight::Bold), area.y + y);
+            picture.fill(Rect::new(4.0, y - 11.0, w + 4.0, 10.0), WHITE);
+            picture.text((6.0, y - 3.5), title, TextStyle::new(LABEL_SIZE).bold());
         }
         picture
     }
@@ -91,24 +105,31 @@ impl ProbeChart {
 }
 
 impl ProbeRow {
-    fn draw(&self, picture: &mut Picture, scale: &Scale, y: f64, left: f64) {
+    fn write(&self, picture: &mut Picture, left: f64, y: f64) {
         let name = fit(&self.quantity, LABEL_SIZE, Weight::Regular, left - 10.0);
         picture.text((left - 4.0, y + 2.5), name, TextStyle::new(LABEL_SIZE).anchor(Anchor::End).color(INK));
+    }
+
+    fn draw(&self, chart: &mut Chart<'_, '_>, y: f64) -> Drawn {
         let marks = self.marks.len().max(1) as f64;
         for (i, mark) in self.marks.iter().enumerate().filter(|(_, m)| m.score.is_finite()) {
             // Marks of one row are set a little below each other, so that equal scores stay visible.
-            let y = y + (i as f64 - (marks - 1.0) / 2.0) * (PITCH - 4.0) / marks.max(2.0);
+            let y = y - (i as f64 - (marks - 1.0) / 2.0) * (PITCH - 4.0) / marks.max(2.0);
             let color = kind(mark.source);
-            let x = |v: f64| scale.at(v.clamp(scale.lo, scale.hi));
+            let inside = |v: f64| v.clamp(RANGE.0, RANGE.1);
             if let Some((lo, hi)) = mark.interval {
-                whisker_x(picture, y, x(lo), x(hi), color);
+                whisker(chart, y, (inside(lo), inside(hi)), color)?;
             }
-            if mark.score < scale.lo {
-                let tip = x(scale.lo);
-                picture.polygon(&[(tip - 1.0, y), (tip + 4.0, y - 2.2), (tip + 4.0, y + 2.2)], color);
+            let style = rgba(color).filled();
+            if mark.score < RANGE.0 {
+                // An arrow that points to what lies further left.
+                let across = units(4.0);
+                let arrow = Polygon::new(vec![(units(-1.0), 0), (across, units(-2.2)), (across, units(2.2))], style);
+                chart.draw_series([EmptyElement::at((RANGE.0, y)) + arrow])?;
             } else {
-                picture.dot((x(mark.score), y), 1.9, color);
+                chart.draw_series([Circle::new((inside(mark.score), y), units(1.9), style)])?;
             }
         }
+        Ok(())
     }
 }

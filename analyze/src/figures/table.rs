@@ -1,10 +1,11 @@
 //! A table in the form of the paper's Table 1: the best of each column bold, those whose interval overlaps with it underlined.
 
 use super::heading::Heading;
-use crate::picture::axis::{LABEL_SIZE, minus};
 use crate::picture::color::{FAINT, INK};
 use crate::picture::font::{Weight, width};
+use crate::picture::number::LABEL_SIZE;
 use crate::picture::{Anchor, Picture, TextStyle};
+use crate::scores::mean_text;
 
 /// Height of a line, points.
 const PITCH: f64 = 12.0;
@@ -86,13 +87,7 @@ impl Entry {
     /// `mean ± half`, as many digits as the size asks for.
     #[must_use]
     pub fn text(&self) -> String {
-        let digits = match self.mean.abs().max(self.half.unwrap_or(0.0).abs()) {
-            a if a >= 100.0 => 0,
-            a if a >= 10.0 => 1,
-            _ => 2,
-        };
-        let half = self.half.map_or_else(String::new, |h| format!(" ± {h:.digits$}"));
-        minus(&format!("{:.digits$}{half}", self.mean))
+        mean_text(self.mean, self.half)
     }
 }
 

@@ -84,7 +84,7 @@ fn examples() -> Vec<(&'static str, Figure)> {
             Figure::Map(Map {
                 heading: heading("Map of 4,000 latents"),
                 axes: "UMAP".into(),
-                coloring: Coloring::Kind { name: "state".into(), kinds: (0..2000).map(|i| Some(i / 200)).collect() },
+                coloring: Coloring::Kind { name: "state".into(), kinds: (0..2000).map(|i| Some(i / 200)).collect(), names: Vec::new() },
                 points: points[..2000].to_vec(),
                 backdrop: points[2000..].to_vec(),
             }),
@@ -141,6 +141,7 @@ fn examples() -> Vec<(&'static str, Figure)> {
                     .collect(),
             }),
         ),
+        ("strips", strips()),
         ("curves-1", Figure::Curves(curves(1))),
         ("curves-5", Figure::Curves(curves(5))),
         (
@@ -162,6 +163,25 @@ fn examples() -> Vec<(&'static str, Figure)> {
 
 fn entry(mean: f64, half: f64, best: bool, tied: bool) -> Option<Entry> {
     Some(Entry { mean, half: Some(half), best, tied })
+}
+
+fn strips() -> Figure {
+    let line = |name: &str, from: usize| StripLine {
+        name: name.into(),
+        pictures: (0..19).map(|i| if i < from { None } else { frame(i) }).collect(),
+    };
+    let strip = |episode: usize| Strip {
+        title: format!("episode {episode}"),
+        steps: (0..19).map(|i| 40 + i).collect(),
+        start: 43,
+        lines: vec![line("recorded", 0), line("vibes: shown", 0), line("vibes: predicted", 3)],
+    };
+    Figure::Strips(Strips {
+        heading: Heading::new("What the latents show of the pictures"),
+        strips: vec![strip(3), strip(7)],
+        foot: "shown: a decoder's picture of the latent; predicted: from the line on, under the recorded actions alone"
+            .into(),
+    })
 }
 
 fn curves(facets: usize) -> Curves {
@@ -244,7 +264,7 @@ fn text_box(shape: &Shape) -> Option<(String, [f64; 4])> {
         return None;
     }
     let w = font::width(text, style.size, style.weight);
-    let from = -svg::offset(style.anchor) * w;
+    let from = -style.anchor.before() * w;
     let (up, down) = (0.73 * style.size, 0.16 * style.size);
     let b = if style.upwards {
         [at.0 - up, at.1 - from - w, at.0 + down, at.1 - from]

@@ -1,194 +1,265 @@
-//! Tables of latents from any model: Arrow (file or stream), Parquet, npy or npz with `episode`, `step` and `latent`.
+//! Tables of latents from any model, and a user's own columns beside them.
 //!
-//! Needed columns: `episode` and `step`, integers; `latent`, a list of floats of one length. Used if present: `state` and `distractor`
-//! (integers, the cell of a grid), `reward` (float). Anything else is ignored. Memory is that of the latents as float32 and of one batch.
+//! Needed columns: `episode` and `step`, whole numbers; `latent`, a list of numbers of one length, or columns `latent_0`, `latent_1` and so on. Used
+//! if present: `state` and `distractor` (whole numbers, the cell of a grid), `reward`. Any other column is read only if somebody asks for it: as a
+//! colour, as a target of a probe, or in an expression that chooses rows. It may lie in a table of its own that is joined on (episode, step).
 
 use std::collections::HashSet;
-use std::fs::File;
-use std::io::{BufReader, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use arrow::array::{Array, AsArray, RecordBatch};
-use arrow::compute::cast;
-use arrow::datatypes::{DataType, Float32Type, Int64Type, Schema};
+use polars::prelude::{
+    Column, DataFrame, DataFrameJoinOps, DataType, IntoLazy, JoinArgs, JoinType, JoinValidation, MaintainOrderJoin,
+    PolarsError, Series,
+};
 use vibes_data::{Latents, LatentsSource};
 
-use super::{InputError, npy};
+use super::columns::UserColumn;
+use super::lists::Lists;
+use super::tables::{TableFile, column};
+use super::{InputError, Rows};
 
-/// Reads a table of latents; the file's first bytes say its kind.
+/// The columns of every row's key and of what is known about the row.
+const KEYS: [&str; 2] = ["episode", "step"];
+const KNOWN: [&str; 3] = ["state", "distractor", "reward"];
+/// Numbers rows while they are joined and chosen.
+const ROW: &str = "row of the table of latents";
+/// A whole number as keys are.
+const WHOLE: &str = "a whole number from 0 to 4294967295 in every row";
+
+/// What is asked for beside the latents.
+#[derive(Clone, Debug, Default)]
+pub struct Asked {
+    /// Which rows; all unless given.
+    pub rows: Option<Rows>,
+    /// Tables joined on (episode, step), or on episode alone if they have no steps.
+    pub joins: Vec<PathBuf>,
+    /// Columns of the latents' table or of the joined ones.
+    pub columns: Vec<String>,
+}
+
+/// A table of latents as it was asked for.
+#[derive(Clone, Debug)]
+pub struct ReadLatents {
+    /// The rows that were asked for.
+    pub latents: Latents,
+    /// The columns that were asked for, of the same rows.
+    pub columns: Vec<(String, UserColumn)>,
+    /// What the reader of results must know.
+    pub remarks: Vec<String>,
+}
+
+/// Reads a whole table of latents.
 ///
 /// # Errors
-/// [`InputError`]: an unreadable file, a missing or unsuitable column (the error names those that are needed), a row key that occurs twice.
-/// Values that are not finite are left to the checks of [`vibes_measure::Table`].
+/// As [`read_asked`].
 pub fn read_latents(path: &Path) -> Result<Latents, InputError> {
-    let mut magic = Vec::new();
-    File::open(path).and_then(|f| f.take(6).read_to_end(&mut magic)).map_err(InputError::io(path))?;
-    let latents = match magic.as_slice() {
-        m if m.starts_with(b"PAR1") => parquet(path)?,
-        m if m.starts_with(b"ARROW1") => arrow_file(path)?,
-        m if m.starts_with(b"\x93NUMPY") || m.starts_with(b"PK\x03\x04") => npy::read(path)?,
-        [] => return Err(not_a_table(path, "an empty file")),
-        _ => arrow_stream(path)?,
+    read_asked(path, &Asked::default()).map(|read| read.latents)
+}
+
+/// Reads the rows of a table of latents that are asked for, with the columns that are asked for.
+///
+/// # Errors
+/// [`InputError`]: an unreadable file, a missing or unsuitable column (the error names those that are needed), a row key that occurs twice, an
+/// expression that chooses no row. Values that are not finite are left to the checks of [`vibes_measure::Table`].
+pub fn read_asked(path: &Path, asked: &Asked) -> Result<ReadLatents, InputError> {
+    let file = TableFile::open(path)?;
+    let lists = latent_columns(&file, path)?;
+    let needed = needed(asked);
+    let mut names: Vec<String> = KEYS.iter().chain(&KNOWN).filter(|n| file.has(n)).map(ToString::to_string).collect();
+    names.extend(needed.iter().filter(|name| file.has(name) && !names.contains(name)).cloned().collect::<Vec<_>>());
+    let all: Vec<String> = names.iter().chain(&lists).cloned().collect();
+    let frame = file.read(&all)?;
+    let fault =
+        |error: PolarsError| column(path, &names.join(", "), first_line(&error), "columns of numbers and texts");
+    let mut flat = keyed(frame.select(names.iter()).map_err(fault)?, &KEYS, path)?;
+    check_keys(&flat, path)?;
+    let count = flat.height() as u32;
+    flat.with_column(Column::new(ROW.into(), (0..count).collect::<Vec<u32>>())).map_err(fault)?;
+    let mut remarks = Vec::new();
+    for table in &asked.joins {
+        flat = join(flat, table, &needed, &mut remarks)?;
+    }
+    if let Some(missing) = needed.iter().find(|name| flat.column(name).is_err()) {
+        let found = flat.get_column_names().into_iter().map(ToString::to_string).filter(|n| n != ROW);
+        let found = found.chain(file.names().iter().cloned()).collect::<std::collections::BTreeSet<_>>();
+        let found = found.into_iter().collect::<Vec<_>>().join(", ");
+        return Err(InputError::NoSuchColumn { column: missing.clone(), found, path: path.into() });
+    }
+    if let Some(rows) = &asked.rows {
+        flat = choose(flat, rows, path)?;
+        remarks.push(format!("{} of {count} rows are looked at: {}", flat.height(), rows.text));
+    }
+    let lists = lists.iter().map(|name| series(&frame, name, path)).collect::<Result<Vec<_>, _>>()?;
+    let lists = Lists::read(&lists, path)?;
+    let kept: Option<Vec<u32>> = asked.rows.as_ref().map(|_| whole(&flat, ROW, path)).transpose()?.map(known);
+    let (dims, latent, remark) = lists.narrow(kept.as_deref());
+    remarks.extend(remark);
+    let columns =
+        asked.columns.iter().map(|name| Ok((name.clone(), UserColumn::read(&series(&flat, name, path)?, path)?)));
+    let columns = columns.collect::<Result<Vec<_>, InputError>>()?;
+    let optional = |name: &str| match flat.column(name) {
+        Ok(_) => whole(&flat, name, path),
+        Err(_) => Ok(vec![None; flat.height()]),
     };
-    check_keys(&latents, path)?;
-    Ok(latents)
-}
-
-fn not_a_table(path: &Path, fact: impl Into<String>) -> InputError {
-    InputError::NotATable { fact: fact.into(), path: path.into() }
-}
-
-fn arrow_file(path: &Path) -> Result<Latents, InputError> {
-    let broken = |e: arrow::error::ArrowError| match e.to_string() {
-        e if e.contains("decompression") => not_a_table(path, "a compressed Arrow file, write it uncompressed"),
-        e => not_a_table(path, format!("a damaged or unsuitable Arrow file ({e})")),
+    let source = |key: &str| file.metadata(key).map(String::from);
+    let latents = Latents {
+        episode: known(whole(&flat, "episode", path)?),
+        step: known(whole(&flat, "step", path)?),
+        state: optional("state")?,
+        distractor: optional("distractor")?,
+        reward: rewards(&flat, path)?,
+        dims,
+        latent,
+        source: LatentsSource { recording: source("vibes.recording"), checkpoint: source("vibes.checkpoint") },
     };
-    let file = BufReader::new(File::open(path).map_err(InputError::io(path))?);
-    let reader = arrow::ipc::reader::FileReader::try_new(file, None).map_err(broken)?;
-    let schema = reader.schema();
-    collect(path, &schema, reader.map(|batch| batch.map_err(broken)))
+    Ok(ReadLatents { latents, columns, remarks })
 }
 
-fn arrow_stream(path: &Path) -> Result<Latents, InputError> {
-    let file = BufReader::new(File::open(path).map_err(InputError::io(path))?);
-    let other = |_| not_a_table(path, "a file of another kind");
-    let reader = arrow::ipc::reader::StreamReader::try_new(file, None).map_err(other)?;
-    let schema = reader.schema();
-    let broken = |e: arrow::error::ArrowError| not_a_table(path, format!("a damaged Arrow stream ({e})"));
-    collect(path, &schema, reader.map(|batch| batch.map_err(broken)))
-}
-
-fn parquet(path: &Path) -> Result<Latents, InputError> {
-    let broken = |e: String| not_a_table(path, format!("a damaged or unsuitable Parquet file ({e})"));
-    let file = File::open(path).map_err(InputError::io(path))?;
-    let builder = parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder::try_new(file)
-        .map_err(|e| broken(e.to_string()))?;
-    let schema = builder.schema().clone();
-    let reader = builder.build().map_err(|e| broken(e.to_string()))?;
-    collect(path, &schema, reader.map(|batch| batch.map_err(|e| broken(e.to_string()))))
-}
-
-fn collect(
-    path: &Path,
-    schema: &Schema,
-    batches: impl Iterator<Item = Result<RecordBatch, InputError>>,
-) -> Result<Latents, InputError> {
-    let names: Vec<&str> = schema.fields().iter().map(|f| f.name().as_str()).collect();
-    if let Some(missing) = ["episode", "step", "latent"].into_iter().find(|needed| !names.contains(needed)) {
-        return Err(InputError::MissingColumn { missing: missing.into(), found: names.join(", "), path: path.into() });
-    }
-    let named = |key: &str| schema.metadata().get(key).cloned();
-    let source = LatentsSource { recording: named("vibes.recording"), checkpoint: named("vibes.checkpoint") };
-    let mut latents = Latents { source, ..Latents::default() };
-    for batch in batches {
-        append(&mut latents, &batch?, path)?;
-    }
-    Ok(latents)
-}
-
-fn append(latents: &mut Latents, batch: &RecordBatch, path: &Path) -> Result<(), InputError> {
-    for (name, into) in [("episode", &mut latents.episode), ("step", &mut latents.step)] {
-        for (row, value) in integers(batch, name, path)?.into_iter().enumerate() {
-            let expected = "an integer from 0 to 4294967295 in every row";
-            into.push(value.ok_or_else(|| column(path, name, format!("nothing in row {row}"), expected))?);
-        }
-    }
-    for (name, into) in [("state", &mut latents.state), ("distractor", &mut latents.distractor)] {
-        match batch.column_by_name(name) {
-            Some(_) => into.extend(integers(batch, name, path)?),
-            None => into.resize(into.len() + batch.num_rows(), None),
-        }
-    }
-    match batch.column_by_name("reward") {
-        Some(values) => {
-            latents.reward.extend(floats(values.as_ref(), "reward", path)?.as_primitive::<Float32Type>().iter());
-        }
-        None => latents.reward.resize(latents.reward.len() + batch.num_rows(), None),
-    }
-    append_latent(latents, batch, path)
-}
-
-fn column(path: &Path, name: &str, fact: impl Into<String>, expected: &str) -> InputError {
-    InputError::Column { column: name.into(), fact: fact.into(), expected: expected.into(), path: path.into() }
-}
-
-/// A column of integers of any width; none for null.
-fn integers(batch: &RecordBatch, name: &str, path: &Path) -> Result<Vec<Option<u32>>, InputError> {
-    let expected = "an integer from 0 to 4294967295 in every row";
-    let values = batch.column_by_name(name).ok_or_else(|| column(path, name, "missing", expected))?;
-    if !values.data_type().is_integer() && !values.data_type().is_null() {
-        return Err(column(path, name, format!("it holds {}", values.data_type()), expected));
-    }
-    let wide = cast(values, &DataType::Int64).map_err(|e| column(path, name, e.to_string(), expected))?;
-    let narrow = |value: Option<i64>| {
-        let too_far = |v: i64| column(path, name, format!("it holds {v}"), expected);
-        value.map(|v| u32::try_from(v).map_err(|_e| too_far(v))).transpose()
+/// The columns that the latents lie in: `latent`, or `latent_0`, `latent_1` and so on.
+fn latent_columns(file: &TableFile, path: &Path) -> Result<Vec<String>, InputError> {
+    let missing = |missing: &str| InputError::MissingColumn {
+        missing: missing.into(),
+        found: file.names().join(", "),
+        path: path.into(),
     };
-    wide.as_primitive::<Int64Type>().iter().map(narrow).collect()
+    if let Some(key) = KEYS.iter().find(|key| !file.has(key)) {
+        return Err(missing(key));
+    }
+    if file.has("latent") {
+        return Ok(vec!["latent".into()]);
+    }
+    let number = |name: &String| -> Option<(usize, String)> {
+        let number = name.strip_prefix("latent")?.trim_start_matches(['_', '.', '[', ' ']).trim_end_matches(']');
+        Some((number.parse().ok()?, name.clone()))
+    };
+    let mut numbered: Vec<(usize, String)> = file.names().iter().filter_map(number).collect();
+    numbered.sort();
+    let first = numbered.first().map_or(0, |n| n.0);
+    if numbered.is_empty() || numbered.iter().enumerate().any(|(i, n)| n.0 != first + i) || first > 1 {
+        return Err(missing("latent (or latent_0, latent_1 and so on)"));
+    }
+    Ok(numbered.into_iter().map(|(_, name)| name).collect())
 }
 
-fn floats(values: &dyn Array, name: &str, path: &Path) -> Result<std::sync::Arc<dyn Array>, InputError> {
-    let expected = "floating point numbers";
-    if !values.data_type().is_numeric() && !values.data_type().is_null() {
-        return Err(column(path, name, format!("it holds {}", values.data_type()), expected));
-    }
-    cast(values, &DataType::Float32).map_err(|e| column(path, name, e.to_string(), expected))
+/// Every column that somebody asks for, each once.
+fn needed(asked: &Asked) -> Vec<String> {
+    let of_rows = asked.rows.iter().flat_map(|rows| &rows.columns);
+    let mut seen = HashSet::new();
+    of_rows.chain(&asked.columns).filter(|name| seen.insert(name.as_str())).cloned().collect()
 }
 
-fn append_latent(latents: &mut Latents, batch: &RecordBatch, path: &Path) -> Result<(), InputError> {
-    let expected = "a list of floats of one length in every row";
-    let lists = batch.column_by_name("latent").ok_or_else(|| column(path, "latent", "missing", expected))?;
-    if lists.null_count() > 0 {
-        return Err(column(path, "latent", format!("nothing in {} rows", lists.null_count()), expected));
+fn first_line(error: &PolarsError) -> String {
+    error.to_string().lines().next().unwrap_or_default().to_string()
+}
+
+fn series(frame: &DataFrame, name: &str, path: &Path) -> Result<Series, InputError> {
+    let found = frame.column(name).map_err(|error| column(path, name, first_line(&error), "a column"))?;
+    Ok(found.as_materialized_series().clone())
+}
+
+/// The frame with its keys as unsigned whole numbers.
+fn keyed(mut frame: DataFrame, keys: &[&str], path: &Path) -> Result<DataFrame, InputError> {
+    for name in keys {
+        let values = whole(&frame, name, path)?;
+        if let Some(row) = values.iter().position(Option::is_none) {
+            return Err(column(path, name, format!("nothing in row {row}"), WHOLE));
+        }
+        let fault = |error: PolarsError| column(path, name, first_line(&error), WHOLE);
+        frame.with_column(Column::new((*name).into(), values)).map_err(fault)?;
     }
-    let (values, lengths): (_, Vec<usize>) = match lists.data_type() {
-        DataType::FixedSizeList(_, dims) => {
-            let list = lists.as_fixed_size_list();
-            let dims = usize::try_from(*dims).unwrap_or(0);
-            (list.values().slice(list.value_offset(0) as usize, list.len() * dims), vec![dims; list.len()])
-        }
-        DataType::List(_) => {
-            let list = lists.as_list::<i32>();
-            let (from, to) = (list.value_offsets()[0] as usize, list.value_offsets()[list.len()] as usize);
-            (list.values().slice(from, to - from), (0..list.len()).map(|i| list.value_length(i) as usize).collect())
-        }
-        DataType::LargeList(_) => {
-            let list = lists.as_list::<i64>();
-            let (from, to) = (list.value_offsets()[0] as usize, list.value_offsets()[list.len()] as usize);
-            (list.values().slice(from, to - from), (0..list.len()).map(|i| list.value_length(i) as usize).collect())
-        }
-        other => return Err(column(path, "latent", format!("it holds {other}"), expected)),
+    Ok(frame)
+}
+
+/// A column of whole numbers of any type, floats among them if they have no fraction; none for what is missing.
+fn whole(frame: &DataFrame, name: &str, path: &Path) -> Result<Vec<Option<u32>>, InputError> {
+    let values = series(frame, name, path)?;
+    if !(values.dtype().is_primitive_numeric() || values.dtype().is_null()) {
+        return Err(column(path, name, format!("it holds {}", values.dtype()), WHOLE));
+    }
+    let fault = |error: PolarsError| column(path, name, first_line(&error), WHOLE);
+    let wide = values.cast(&DataType::Float64).map_err(fault)?;
+    let narrow = |value: Option<f64>| match value {
+        None => Ok(None),
+        Some(value) if value.is_nan() => Ok(None),
+        Some(value) if value.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&value) => Ok(Some(value as u32)),
+        Some(value) => Err(column(path, name, format!("it holds {value}"), WHOLE)),
     };
-    let first = if latents.episode.len() > lengths.len() {
-        latents.dims
-    } else {
-        lengths.first().copied().unwrap_or(latents.dims)
-    };
-    if let Some(other) = lengths.iter().find(|&&length| length != first) {
-        return Err(column(path, "latent", format!("lists of {first} and of {other} numbers"), expected));
+    wide.f64().map_err(fault)?.iter().map(narrow).collect()
+}
+
+fn known(values: Vec<Option<u32>>) -> Vec<u32> {
+    values.into_iter().flatten().collect()
+}
+
+fn rewards(frame: &DataFrame, path: &Path) -> Result<Vec<Option<f32>>, InputError> {
+    if frame.column("reward").is_err() {
+        return Ok(vec![None; frame.height()]);
     }
-    let values = floats(values.as_ref(), "latent", path)?;
-    if values.null_count() > 0 {
-        return Err(column(path, "latent", format!("{} missing numbers inside lists", values.null_count()), expected));
+    let rewards = series(frame, "reward", path)?;
+    let expected = "a number in every row that has a reward";
+    if !(rewards.dtype().is_primitive_numeric() || rewards.dtype().is_null()) {
+        return Err(column(path, "reward", format!("it holds {}", rewards.dtype()), expected));
     }
-    latents.dims = first;
-    latents.latent.extend(values.as_primitive::<Float32Type>().values());
-    Ok(())
+    let fault = |error: PolarsError| column(path, "reward", first_line(&error), expected);
+    let rewards = rewards.cast(&DataType::Float32).map_err(fault)?;
+    let finite = |reward: Option<f32>| reward.filter(|reward| reward.is_finite());
+    Ok(rewards.f32().map_err(fault)?.iter().map(finite).collect())
 }
 
 /// Every row key occurs once: two recordings poured into one table would otherwise give a wrong picture silently.
-fn check_keys(latents: &Latents, path: &Path) -> Result<(), InputError> {
-    let mut seen = HashSet::with_capacity(latents.len());
-    for (&episode, &step) in latents.episode.iter().zip(&latents.step) {
-        if !seen.insert((episode, step)) {
-            let fact = format!("episode {episode}, step {step} occurs twice");
-            return Err(column(
-                path,
-                "episode and step",
-                fact,
-                "one row for each (number the episodes of mixed recordings anew)",
-            ));
+fn check_keys(frame: &DataFrame, path: &Path) -> Result<(), InputError> {
+    let (episodes, steps) = (whole(frame, "episode", path)?, whole(frame, "step", path)?);
+    let mut seen = HashSet::with_capacity(episodes.len());
+    for key in known(episodes).into_iter().zip(known(steps)) {
+        if !seen.insert(key) {
+            let fact = format!("episode {}, step {} occurs twice", key.0, key.1);
+            let expected = "one row for each (number the episodes of mixed recordings anew)";
+            return Err(column(path, "episode and step", fact, expected));
         }
     }
     Ok(())
+}
+
+/// The columns of another table beside those of the rows that it speaks of.
+fn join(flat: DataFrame, table: &Path, needed: &[String], remarks: &mut Vec<String>) -> Result<DataFrame, InputError> {
+    let file = TableFile::open(table)?;
+    let keys: Vec<&str> = KEYS.into_iter().filter(|key| file.has(key)).collect();
+    if !file.has("episode") {
+        let found = file.names().join(", ");
+        return Err(InputError::NoJoin { found, path: table.into() });
+    }
+    let wanted: Vec<String> =
+        needed.iter().filter(|name| flat.column(name).is_err() && file.has(name)).cloned().collect();
+    if wanted.is_empty() {
+        remarks.push(format!("no column of {} is used; it has {}", table.display(), file.names().join(", ")));
+        return Ok(flat);
+    }
+    let all: Vec<String> = keys.iter().map(ToString::to_string).chain(wanted.iter().cloned()).collect();
+    let mut other = keyed(file.read(&all)?, &keys, table)?;
+    let fault = |error: PolarsError| column(table, &keys.join(" and "), first_line(&error), "one row for each");
+    let found = "found in the joined table";
+    other.with_column(Column::new(found.into(), vec![true; other.height()])).map_err(fault)?;
+    let args = JoinArgs {
+        validation: JoinValidation::ManyToOne,
+        maintain_order: MaintainOrderJoin::Left,
+        ..JoinArgs::new(JoinType::Left)
+    };
+    let mut joined = flat.join(&other, &keys, &keys, args, None).map_err(|error| {
+        let twice = error.to_string().contains("m:1");
+        let fact = if twice { "a row occurs twice".to_string() } else { first_line(&error) };
+        column(table, &keys.join(" and "), fact, "one row for each")
+    })?;
+    let absent = joined.column(found).map_or(0, Column::null_count);
+    if absent > 0 {
+        remarks.push(format!("{absent} of {} rows have no row in {}", joined.height(), table.display()));
+    }
+    joined.drop_in_place(found).map_err(fault)?;
+    Ok(joined)
+}
+
+fn choose(flat: DataFrame, rows: &Rows, path: &Path) -> Result<DataFrame, InputError> {
+    let fault = |fact: String| InputError::Rows { fact, text: rows.text.clone(), path: path.into() };
+    let filter = || flat.lazy().filter(rows.expression.clone()).collect();
+    let kept = super::tables::quietly(filter).map_err(fault)?.map_err(|error| fault(first_line(&error)))?;
+    if kept.height() == 0 { Err(fault("no row is chosen".into())) } else { Ok(kept) }
 }

@@ -112,6 +112,14 @@ impl Run {
         }
     }
 
+    /// Where a metric ended: the mean of its last tenth, at least one value.
+    #[must_use]
+    pub fn final_value(&self, metric: &str) -> Option<f64> {
+        let series = self.series.get(metric).filter(|series| !series.is_empty())?;
+        let count = (series.len() / 10).max(1);
+        Some(series[series.len() - count..].iter().map(|point| point.1).sum::<f64>() / count as f64)
+    }
+
     /// The objective the run was trained with, if `run.json` says.
     #[must_use]
     pub fn objective(&self) -> Option<&str> {

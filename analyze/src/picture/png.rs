@@ -1,13 +1,11 @@
 //! Pictures as pixels: the same shapes through a small anti-aliasing rasteriser.
 
-use image::ImageEncoder as _;
 use tiny_skia::{
     FillRule, FilterQuality, LineJoin, Paint, PathBuilder, Pixmap, PixmapPaint, Stroke, StrokeDash, Transform,
 };
 
 use super::color::Color;
 use super::font::{self, Segment};
-use super::svg::offset;
 use super::{Picture, Pixels, Point, Rect, Shape, TextStyle};
 
 /// Resolution of written figures, pixels an inch.
@@ -28,21 +26,6 @@ pub fn rasterize(picture: &Picture, dpi: f64) -> Option<Pixels> {
     }
     let rgb = map.pixels().iter().flat_map(|p| [p.red(), p.green(), p.blue()]).collect();
     Some(Pixels { width, height, rgb })
-}
-
-/// The bytes of a PNG file.
-///
-/// # Errors
-/// If the pixels do not fill the stated size.
-pub fn encode_rgb(pixels: &Pixels) -> Result<Vec<u8>, image::ImageError> {
-    let mut bytes = Vec::new();
-    image::codecs::png::PngEncoder::new(&mut bytes).write_image(
-        &pixels.rgb,
-        pixels.width,
-        pixels.height,
-        image::ExtendedColorType::Rgb8,
-    )?;
-    Ok(bytes)
 }
 
 fn draw(map: &mut Pixmap, shape: &Shape, to_pixels: Transform) {
@@ -131,7 +114,7 @@ fn letters(map: &mut Pixmap, at: Point, text: &str, style: &TextStyle, to_pixels
     let (letters, ems) = font::lay_out(text, style.weight);
     let mut path = PathBuilder::new();
     for letter in letters {
-        let x = letter.x - offset(style.anchor) * ems;
+        let x = letter.x - style.anchor.before() * ems;
         for segment in font::outline(letter.glyph, style.weight) {
             push(&mut path, segment, x);
         }
@@ -155,19 +138,4 @@ fn push(path: &mut PathBuilder, segment: Segment, dx: f64) {
         Segment::Cubic(a, b, c, d, x, y) => path.cubic_to(f(a), b as f32, f(c), d as f32, f(x), y as f32),
         Segment::Close => path.close(),
     }
-}
-
-/// The bytes of a JPEG file; `quality` of 100.
-///
-/// # Errors
-/// If the pixels do not fill the stated size.
-pub fn encode_jpeg(pixels: &Pixels, quality: u8) -> Result<Vec<u8>, image::ImageError> {
-    let mut bytes = Vec::new();
-    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality).write_image(
-        &pixels.rgb,
-        pixels.width,
-        pixels.height,
-        image::ExtendedColorType::Rgb8,
-    )?;
-    Ok(bytes)
 }

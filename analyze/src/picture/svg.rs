@@ -8,7 +8,7 @@ use base64::Engine as _;
 
 use super::color::Color;
 use super::font::{self, Segment, Weight};
-use super::{Anchor, Picture, Pixels, Point, Shape, TextStyle};
+use super::{Picture, Pixels, Point, Shape, TextStyle};
 
 /// The picture as an SVG document.
 #[must_use]
@@ -41,7 +41,7 @@ pub(crate) fn escape(text: &str) -> String {
 
 /// A PNG image as a data address.
 pub(crate) fn data_uri(pixels: &Pixels) -> String {
-    let png = super::png::encode_rgb(pixels).unwrap_or_default();
+    let png = super::encode::encode_png(pixels).unwrap_or_default();
     format!("data:image/png;base64,{}", base64::engine::general_purpose::STANDARD.encode(png))
 }
 
@@ -128,7 +128,7 @@ impl Writer {
 
     fn text(&mut self, at: Point, text: &str, style: &TextStyle) {
         let (letters, ems) = font::lay_out(text, style.weight);
-        let start = -offset(style.anchor) * ems;
+        let start = -style.anchor.before() * ems;
         let turn = if style.upwards { " rotate(-90)" } else { "" };
         let (x, y, size) = (number(at.0), number(at.1), number(style.size));
         let label = escape(text);
@@ -161,15 +161,6 @@ impl Writer {
     fn id(&mut self) -> usize {
         self.next += 1;
         self.next
-    }
-}
-
-/// Which share of a text's width lies before its point.
-pub(crate) fn offset(anchor: Anchor) -> f64 {
-    match anchor {
-        Anchor::Start => 0.0,
-        Anchor::Middle => 0.5,
-        Anchor::End => 1.0,
     }
 }
 

@@ -1,6 +1,8 @@
-//! A map to hover over: all points as background, some of them alive with their frame and their neighbours' frames.
+//! A map that answers: every row a point, coloured by any column; a click shows a row's frame and its neighbours, a slider runs through its episode, a
+//! region shows the frames in it.
 //!
-//! Frames lie on sprite sheets of at most 32 × 32 frames (a browser's limit on an image's side is never near), as JPEG.
+//! Numbers are written as base64 of little-endian arrays and frames lie on sprite sheets of at most 32 × 32 as JPEG, at the end of the page, so that a
+//! browser paints the words and figures before it reads them.
 
 use std::fmt::Write as _;
 
@@ -9,79 +11,147 @@ use base64::engine::general_purpose::STANDARD;
 use serde_json::json;
 
 use crate::picture::Pixels;
-use crate::picture::png::encode_jpeg;
+use crate::picture::encode::encode_jpeg;
+use crate::picture::svg::escape;
 
-/// Frames along a side of a sprite sheet.
+/// Frames along a side of a sprite sheet (a browser's limit on an image's side is never near).
 const SHEET: usize = 32;
-/// Quality of the sprite sheets, of 100.
-const JPEG_QUALITY: u8 = 85;
+/// Most bytes of all the frames of a map; beyond it they are packed tighter, then drawn smaller.
+const MOST_BYTES: usize = 6_500_000;
+/// Qualities tried for the sprite sheets, of 100, and by how much the side of a frame is divided.
+const TRIES: [(u8, u32); 5] = [(85, 1), (70, 1), (50, 1), (60, 2), (40, 2)];
 
-/// A point that can be hovered over.
+/// A column to colour by.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LivePoint {
-    /// Place on the map.
-    pub x: f32,
-    /// Place on the map.
-    pub y: f32,
-    /// `EPISODE:STEP` and what else is known, for the card.
-    pub text: String,
-    /// A value in 0..=1 for its colour.
-    pub color: f32,
-    /// Index of its frame, if there is one.
-    pub frame: Option<usize>,
-    /// Its neighbours: text and frame, nearest first.
-    pub neighbours: Vec<(String, Option<usize>)>,
+pub struct LiveColumn {
+    /// Its name.
+    pub name: String,
+    /// One value a row; NaN where there is none. Kinds by number.
+    pub values: Vec<f32>,
+    /// What the kinds are called; empty for quantities.
+    pub kinds: Vec<String>,
 }
 
 /// The map.
 #[derive(Clone, Debug, Default)]
 pub struct LiveMap {
-    /// What the colours say.
-    pub color_name: String,
-    /// All points, `[rows, 2]`.
-    pub background: Vec<[f32; 2]>,
-    /// Those that can be hovered over.
-    pub points: Vec<LivePoint>,
+    /// Whose it is: the run.
+    pub name: String,
+    /// `[rows]`.
+    pub episode: Vec<u32>,
+    /// `[rows]`.
+    pub step: Vec<u32>,
+    /// `[rows]`.
+    pub positions: Vec<[f32; 2]>,
+    /// What the points can be coloured by, at least one.
+    pub columns: Vec<LiveColumn>,
+    /// Rows that can be chosen, in order of episode and step.
+    pub alive: Vec<u32>,
+    /// Neighbours a row that can be chosen has.
+    pub k: usize,
+    /// `[alive, k]`: their rows, nearest first.
+    pub near: Vec<u32>,
+    /// `[alive, k]`: how far they are.
+    pub distance: Vec<f32>,
+    /// Rows that have a frame, in the order of the frames.
+    pub framed: Vec<u32>,
     /// The frames, all of one size.
     pub frames: Vec<Pixels>,
 }
 
 impl LiveMap {
-    pub(super) fn write(&self, body: &mut String, number: usize) {
-        let size = self.frames.first().map_or((1, 1), |f| (f.width, f.height));
-        let round = |v: f32| (f64::from(v) * 1000.0).round() / 1000.0;
-        let points: Vec<_> = self
-            .points
-            .iter()
-            .map(|p| json!([round(p.x), round(p.y), round(p.color), p.text, p.frame, p.neighbours]))
-            .collect();
-        let data = json!({
-            "colorName": self.color_name, "width": size.0, "height": size.1, "sheet": SHEET,
-            "background": self.background.iter().map(|p| [round(p[0]), round(p[1])]).collect::<Vec<_>>(),
-            "points": points,
-        });
-        // In a script element only "</" could end the element.
-        let data = data.to_string().replace("</", "<\\/");
+    /// The map's place in the page.
+    pub(super) fn write(&self, body: &mut String, id: &str) {
+        let help = "Click a point for its frame and neighbours; drag to move, turn the wheel to zoom, hold Shift and drag to select a region. \
+                    Keys: left and right through time, up and down through episodes, + and − to zoom, 0 for the whole map, Escape to end a selection.";
+        let name = escape(&self.name);
+        let disabled = if self.frames.is_empty() { " hidden" } else { "" };
         let _ = writeln!(
             body,
-            "<div class=\"live\" id=\"map{number}\"><canvas class=\"cloud\" width=\"560\" height=\"440\" tabindex=\"0\" \
-             aria-label=\"map of the latents; hover over a point, or use the arrow keys\"></canvas>\
-             <div class=\"card\" aria-live=\"polite\"><p>Hover over a coloured point.</p></div>"
+            "<div class=\"live\" id=\"{id}\"><div><h4>{name}</h4>\
+             <div class=\"tools\"><label>colour <select></select></label><button type=\"button\" class=\"region\" aria-pressed=\"false\">select a region</button>\
+             <button type=\"button\" class=\"in\" aria-label=\"zoom in\">+</button><button type=\"button\" class=\"out\" aria-label=\"zoom out\">−</button>\
+             <button type=\"button\" class=\"whole\">whole map</button></div>\
+             <div class=\"stage\"><canvas class=\"cloud\" tabindex=\"0\" role=\"application\" aria-label=\"map of the latents of {name}, {rows} points\" \
+             aria-describedby=\"{id}-help\"></canvas></div><div class=\"legend\"></div>\
+             <div class=\"film\"{disabled}><button type=\"button\" class=\"play\" aria-pressed=\"false\" aria-label=\"play the episode\">▶</button>\
+             <input type=\"range\" class=\"time\" min=\"0\" max=\"0\" value=\"0\" aria-label=\"step within the episode\"><output></output></div>\
+             <p class=\"help\" id=\"{id}-help\">{help}</p></div>\
+             <div><div class=\"card\" aria-live=\"polite\"><p>No point is chosen yet.</p></div><div class=\"chosen\" aria-live=\"polite\"></div></div></div>",
+            rows = self.positions.len(),
         );
-        for sheet in self.frames.chunks(SHEET * SHEET) {
-            let jpeg = sprite_sheet(sheet);
-            let _ = writeln!(
-                body,
-                "<img hidden class=\"sheet\" alt=\"\" src=\"data:image/jpeg;base64,{}\">",
-                STANDARD.encode(jpeg)
-            );
+    }
+
+    /// The map's data, for the end of the page.
+    pub(super) fn write_data(&self, data: &mut String, id: &str) {
+        let (sheets, size) = self.sheets();
+        let numbers = |values: &mut dyn Iterator<Item = f32>| {
+            STANDARD.encode(values.flat_map(f32::to_le_bytes).collect::<Vec<u8>>())
+        };
+        let keys = |values: &[u32]| STANDARD.encode(values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>());
+        let columns = self.columns.iter().map(|column| {
+            let kinds = Some(&column.kinds).filter(|kinds| !kinds.is_empty());
+            json!({ "name": column.name, "values": numbers(&mut column.values.iter().copied()), "kinds": kinds })
+        });
+        let document = json!({
+            "width": size.0, "height": size.1, "sheet": SHEET, "k": self.k, "extent": self.extent(),
+            "x": numbers(&mut self.positions.iter().map(|p| p[0])), "y": numbers(&mut self.positions.iter().map(|p| p[1])),
+            "episode": keys(&self.episode), "step": keys(&self.step), "columns": columns.collect::<Vec<_>>(),
+            "alive": keys(&self.alive), "near": keys(&self.near), "distance": numbers(&mut self.distance.iter().copied()),
+            "framed": keys(&self.framed),
+        });
+        // In a script element only "</" could end the element.
+        let document = document.to_string().replace("</", "<\\/");
+        let _ = writeln!(data, "<script type=\"application/json\" data-map=\"{id}\">{document}</script>");
+        for (number, sheet) in sheets.iter().enumerate() {
+            let sheet = STANDARD.encode(sheet);
+            let _ = writeln!(data, "<script type=\"text/plain\" data-sheet=\"{id}-{number}\">{sheet}</script>");
         }
-        let _ = writeln!(body, "<script type=\"application/json\">{data}</script></div>");
+    }
+
+    /// The map's box: left, right, lower, upper.
+    fn extent(&self) -> [f32; 4] {
+        let none = [f32::INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::NEG_INFINITY];
+        let with = |e: [f32; 4], p: &[f32; 2]| [e[0].min(p[0]), e[1].max(p[0]), e[2].min(p[1]), e[3].max(p[1])];
+        let extent = self.positions.iter().fold(none, with);
+        if extent.iter().all(|end| end.is_finite()) { extent } else { [0.0, 1.0, 0.0, 1.0] }
+    }
+
+    /// The sprite sheets, packed so that they stay within their share of the page, and the size of a frame on them.
+    fn sheets(&self) -> (Vec<Vec<u8>>, (u32, u32)) {
+        let size = self.frames.first().map_or((1, 1), |f| (f.width, f.height));
+        let mut packed = (Vec::new(), size);
+        for (quality, divide) in TRIES {
+            let frames: Vec<Pixels> = self.frames.iter().map(|frame| shrunk(frame, divide)).collect();
+            let sheets = frames.chunks(SHEET * SHEET).map(|sheet| sprite_sheet(sheet, quality));
+            packed = (sheets.collect::<Vec<_>>(), (size.0.div_ceil(divide), size.1.div_ceil(divide)));
+            if packed.0.iter().map(Vec::len).sum::<usize>() <= MOST_BYTES {
+                break;
+            }
+        }
+        packed
     }
 }
 
+/// A frame whose side is divided: the mean of the pixels that become one.
+fn shrunk(frame: &Pixels, divide: u32) -> Pixels {
+    if divide <= 1 {
+        return frame.clone();
+    }
+    let (w, h) = (frame.width.div_ceil(divide), frame.height.div_ceil(divide));
+    let mean = |x: u32, y: u32, channel: usize| {
+        let inside = |v: u32, end: u32| (v * divide..((v + 1) * divide).min(end)).collect::<Vec<_>>();
+        let (xs, ys) = (inside(x, frame.width), inside(y, frame.height));
+        let at = |x: u32, y: u32| u32::from(frame.rgb[((y * frame.width + x) * 3) as usize + channel]);
+        let sum: u32 = ys.iter().flat_map(|&y| xs.iter().map(move |&x| (x, y))).map(|(x, y)| at(x, y)).sum();
+        (sum / (xs.len() * ys.len()).max(1) as u32) as u8
+    };
+    let pixel = |i: u32| [0, 1, 2].map(|channel| mean(i % w, i / w, channel));
+    Pixels { width: w, height: h, rgb: (0..w * h).flat_map(pixel).collect() }
+}
+
 /// The frames of a sheet in rows of [`SHEET`], as JPEG.
-fn sprite_sheet(frames: &[Pixels]) -> Vec<u8> {
+fn sprite_sheet(frames: &[Pixels], quality: u8) -> Vec<u8> {
     let (w, h) = frames.first().map_or((1, 1), |f| (f.width as usize, f.height as usize));
     let (columns, rows) = (frames.len().min(SHEET), frames.len().div_ceil(SHEET));
     let mut rgb = vec![255; columns * w * rows * h * 3];
@@ -93,5 +163,5 @@ fn sprite_sheet(frames: &[Pixels]) -> Vec<u8> {
         }
     }
     let sheet = Pixels { width: (columns * w) as u32, height: (rows * h) as u32, rgb };
-    encode_jpeg(&sheet, JPEG_QUALITY).unwrap_or_default()
+    encode_jpeg(&sheet, quality).unwrap_or_default()
 }

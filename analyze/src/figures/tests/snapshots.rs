@@ -25,7 +25,7 @@ fn every_figure_looks_like_its_snapshot() {
         let path = folder.join(format!("{name}.png"));
         let pixels = png::rasterize(&figure.draw(), DPI).expect(name);
         if update {
-            std::fs::write(&path, png::encode_rgb(&pixels).expect(name)).expect(name);
+            std::fs::write(&path, encode_png(&pixels).expect(name)).expect(name);
             continue;
         }
         let wanted = image::open(&path).unwrap_or_else(|e| panic!("{e}: {}", path.display())).to_rgb8();

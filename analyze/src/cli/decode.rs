@@ -1,0 +1,140 @@
+//! `decode`: what a latent shows of the picture.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Context;
+use serde_json::json;
+use vibes_data::{Decoded, DecodedRow, portable};
+
+use super::{Globals, Outcome, wrong};
+use crate::figures::{Figure, Heading, Strip, StripLine, Strips};
+use crate::output;
+use crate::picture::Pixels;
+
+/// Strips of pictures: the recorded frame, what a decoder fitted on frozen latents draws of it, and what it draws of the latents that the dynamics
+/// predict from one step on under the recorded actions. Several runs stand side by side.
+///
+/// A latent that ignores distractors shows the body before a grey mean of backgrounds; one that keeps them shows them. The pictures are made by
+/// `vibes-train decode RUN RECORDING`; the encoder never learns from them.
+#[derive(Debug, clap::Args)]
+pub(super) struct Options {
+    /// Run folders with a decoded.arrow, or such files.
+    #[arg(value_name = "RUN", required = true)]
+    runs: Vec<PathBuf>,
+    /// Most strips to draw.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    strips: usize,
+    /// Where the output goes [default: the folder `figures` in the first run].
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+    /// Seed (nothing here is random; taken so that all verbs have the same options).
+    #[arg(long, default_value_t = 0, hide = true)]
+    seed: u64,
+    /// A line under the title of the figure.
+    #[arg(long, value_name = "TEXT")]
+    note: Option<String>,
+}
+
+/// One run's pictures.
+struct Source {
+    name: String,
+    decoded: Decoded,
+}
+
+/// Where a run's pictures lie.
+pub(super) fn decoded_path(run: &Path) -> PathBuf {
+    if run.is_file() { run.to_path_buf() } else { run.join("decoded.arrow") }
+}
+
+pub(super) fn run(options: &Options, _globals: &Globals) -> anyhow::Result<Outcome> {
+    let sources = options.runs.iter().map(|run| open(run)).collect::<anyhow::Result<Vec<_>>>()?;
+    let drawn = figure(options, &sources)?;
+    let count = drawn.strips.len();
+    let folder =
+        if options.runs[0].is_file() { options.runs[0].parent().unwrap_or(Path::new("")) } else { &options.runs[0] };
+    let out = options.output.clone().unwrap_or_else(|| folder.join("figures"));
+    std::fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
+    let mut files = Figure::Strips(drawn).save(&out, "decoded")?;
+    let runs = sources.iter().zip(&options.runs).map(|(source, path)| {
+        let decoded = &source.decoded;
+        json!({
+            "name": source.name, "decoded": portable(&decoded_path(path), &out), "recording": decoded.recording,
+            "checkpoint": decoded.checkpoint, "objective": decoded.objective, "explained": decoded.explained,
+        })
+    });
+    let document = output::document(
+        &json!({ "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "decode", "note": options.note }),
+        &json!({ "runs": runs.collect::<Vec<_>>() }),
+    )?;
+    let path = out.join("decoded.json");
+    output::write_json(&path, &document)?;
+    files.push(path);
+    let explained =
+        sources.iter().filter_map(|source| Some(format!("{} {:.0}%", source.name, 100.0 * source.decoded.explained?)));
+    let line = format!(
+        "decode: {count} strips; pixel variance that the latent shows: {}",
+        explained.collect::<Vec<_>>().join(", ")
+    );
+    Ok(Outcome { line, remarks: Vec::new(), files, json: document })
+}
+
+fn open(run: &Path) -> anyhow::Result<Source> {
+    let path = decoded_path(run);
+    if !path.is_file() {
+        return Err(wrong(format!(
+            "no pictures here yet; make them with `vibes-train decode {} RECORDING`: {}",
+            run.display(),
+            path.display()
+        )));
+    }
+    let whole = std::path::absolute(run).unwrap_or_else(|_| run.to_path_buf());
+    let name = whole.file_stem().map_or_else(|| run.display().to_string(), |name| name.to_string_lossy().into_owned());
+    Ok(Source { name, decoded: Decoded::read(&path)? })
+}
+
+/// The strips that all runs have.
+fn figure(options: &Options, sources: &[Source]) -> anyhow::Result<Strips> {
+    let first = &sources[0].decoded;
+    let numbers: std::collections::BTreeSet<u32> = first.rows.iter().map(|row| row.strip).collect();
+    let mut strips = Vec::new();
+    for &number in numbers.iter().take(options.strips) {
+        let rows: Vec<&DecodedRow> = first.rows.iter().filter(|row| row.strip == number).collect();
+        let Some(start) = rows.first().map(|row| row.start) else { continue };
+        let picture =
+            |size: (u32, u32), rgb: &[u8]| Some(Arc::new(Pixels { width: size.1, height: size.0, rgb: rgb.to_vec() }));
+        let recorded = rows.iter().map(|row| picture(first.size, &row.recorded)).collect();
+        let mut lines = vec![StripLine { name: "recorded".into(), pictures: recorded }];
+        for source in sources {
+            let same = |row: &&DecodedRow| {
+                source
+                    .decoded
+                    .rows
+                    .iter()
+                    .find(|other| (other.episode, other.step, other.start) == (row.episode, row.step, row.start))
+            };
+            let own: Vec<Option<&DecodedRow>> = rows.iter().map(same).collect();
+            if own.iter().any(Option::is_none) {
+                return Err(wrong(format!(
+                    "the runs show different rows; decode them with the same recording (--show) and the same options: {}",
+                    source.name
+                )));
+            }
+            let several = sources.len() > 1;
+            let name = |what: &str| if several { format!("{}: {what}", source.name) } else { what.to_string() };
+            let of = |bytes: &dyn Fn(&DecodedRow) -> Option<Vec<u8>>| {
+                own.iter().map(|row| picture(source.decoded.size, &bytes((*row)?)?)).collect::<Vec<_>>()
+            };
+            lines.push(StripLine { name: name("shown"), pictures: of(&|row| Some(row.shown.clone())) });
+            lines.push(StripLine { name: name("predicted"), pictures: of(&|row| row.predicted.clone()) });
+        }
+        let title = rows.first().map_or_else(String::new, |row| format!("episode {}", row.episode));
+        strips.push(Strip { title, steps: rows.iter().map(|row| row.step).collect(), start, lines });
+    }
+    if strips.is_empty() {
+        return Err(wrong("there are no strips in it; its episodes were shorter than the prediction"));
+    }
+    let heading = Heading::new("What the latents show of the pictures").with_note(options.note.clone());
+    let foot = "shown: a decoder's picture of the latent; predicted: from the line on, of latents that the dynamics predict under the recorded actions alone";
+    Ok(Strips { heading, strips, foot: foot.into() })
+}

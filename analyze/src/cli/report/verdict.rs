@@ -1,0 +1,225 @@
+//! The verdict's numbers: out of the documents of the verbs, and of what the runs were measured on.
+
+use std::collections::BTreeMap;
+
+use serde_json::Value;
+
+use crate::input::Run;
+use crate::picture::number::minus;
+use crate::report::{Answer, Measure, Verdict};
+
+/// What is known about one run: the documents of the verbs by name, and the run folder.
+pub(super) struct Known {
+    pub(super) name: String,
+    pub(super) documents: BTreeMap<&'static str, Value>,
+    pub(super) run: Option<Run>,
+}
+
+/// How a policy's return is called in metrics, the best first.
+const RETURNS: [&str; 4] = ["eval_return", "evaluation_return", "mean_return", "episode_return"];
+
+pub(super) fn verdict(known: &[Known]) -> Verdict {
+    let groups = vec![
+        ("What do the latents hold?".to_string(), hold(known)),
+        ("What do they ignore?".to_string(), ignore(known)),
+        ("How well do they predict?".to_string(), predict(known)),
+        ("How well does the policy do?".to_string(), act(known)),
+    ];
+    Verdict { runs: known.iter().map(|k| k.name.clone()).collect(), groups }
+}
+
+/// A measure of every run; none if no run has it.
+fn measure(known: &[Known], name: &str, reading: &str, of: impl Fn(&Known) -> Option<Answer>) -> Option<Measure> {
+    let answers: Vec<Option<Answer>> = known.iter().map(of).collect();
+    answers.iter().any(Option::is_some).then(|| Measure {
+        name: name.into(),
+        reading: reading.into(),
+        answers: answers.into_iter().map(Option::unwrap_or_default).collect(),
+    })
+}
+
+fn hold(known: &[Known]) -> Vec<Measure> {
+    let mut all = vec![
+        measure(
+            known,
+            "Task quantities, read by a linear probe",
+            "mean R² on trajectories the probe was not fitted on; 1 is everything",
+            |k| probes(k, "task"),
+        ),
+        measure(
+            known,
+            "Same state found under another distractor",
+            "share of rows whose nearest latent among all other cells at that step shows the same state",
+            |k| number(k, "invariance", "retrieval_same_step@1"),
+        ),
+        measure(known, "Variance that the state explains", "share of the latents' variance; 1 is all of it", |k| {
+            number(k, "invariance", "state_share")
+        }),
+    ];
+    all.insert(1, hardest(known));
+    all.into_iter().flatten().collect()
+}
+
+fn ignore(known: &[Known]) -> Vec<Measure> {
+    let all = [
+        measure(known, "Variance that the distractor explains", "share of the latents' variance; 0 is none", |k| {
+            number(k, "invariance", "distractor_share")
+        }),
+        measure(
+            known,
+            "Distractors, read by a linear probe",
+            "mean R² (which video: accuracy over chance); 0 is nothing",
+            |k| probes(k, "distractor"),
+        ),
+        measure(known, "Which video is shown", "accuracy of a linear probe; chance is good", |k| {
+            number(k, "probe", "probe/video/s")
+        }),
+    ];
+    all.into_iter().flatten().collect()
+}
+
+fn predict(known: &[Known]) -> Vec<Measure> {
+    let gap = |name: &'static str| move |k: &Known| series(k, &format!("held_out.gaps.{name}"));
+    let all = [
+        measure(
+            known,
+            "Held-out dynamics gap",
+            "nats a row that a fresh adversary predicts the next latent better than the dynamics; 0 for a bisimulation",
+            gap("dynamics_gap"),
+        ),
+        measure(
+            known,
+            "Held-out reward gap",
+            "nats a row that a critic with the recurrent state predicts the reward better; 0 for a bisimulation",
+            gap("reward_gap"),
+        ),
+        measure(known, "Reward log-likelihood", "nats a row, at the end of training", |k| {
+            series(k, "reward_log_likelihood")
+        }),
+    ];
+    all.into_iter().flatten().collect()
+}
+
+fn act(known: &[Known]) -> Vec<Measure> {
+    let of = |k: &Known| RETURNS.into_iter().find_map(|name| series(k, name));
+    measure(known, "Return of an episode", "where training ended", of).into_iter().collect()
+}
+
+/// One number of a verb's document, with its interval, chance and control.
+fn number(known: &Known, verb: &str, name: &str) -> Option<Answer> {
+    let number = known.documents.get(verb)?.get("numbers")?.get(name)?;
+    let mut beside = Vec::new();
+    if let Some(actions) = number["past_actions"]["estimate"].as_f64() {
+        beside.push(format!("past actions alone: {}", text(actions)));
+    }
+    if let Some(chance) = number["chance"].as_f64() {
+        beside.push(format!("chance: {}", text(chance)));
+    }
+    Some(Answer { number: text(number["estimate"].as_f64()?), interval: interval(number), beside: beside.join("; ") })
+}
+
+/// The mean of the linear probes of a section, and of the control's.
+fn probes(known: &Known, section: &str) -> Option<Answer> {
+    let scores = scores(known, section);
+    let mean = |of: &dyn Fn(&Score) -> Option<f64>| {
+        let values: Vec<f64> = scores.iter().filter_map(of).collect();
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    };
+    let latent = mean(&|s| Some(s.latent))?;
+    let beside =
+        mean(&|s| s.actions).map_or_else(String::new, |actions| format!("past actions alone: {}", text(actions)));
+    let (least, most) =
+        scores.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), s| (a.min(s.latent), b.max(s.latent)));
+    let interval =
+        if scores.len() > 1 { format!("single ones {} to {}", text(least), text(most)) } else { String::new() };
+    Some(Answer { number: text(latent), interval, beside })
+}
+
+/// The task quantity that is read worst of the first run that has one, over all runs.
+fn hardest(known: &[Known]) -> Option<Measure> {
+    let worst =
+        known.iter().find_map(|k| scores(k, "task").into_iter().min_by(|a, b| a.latent.total_cmp(&b.latent)))?;
+    let name = format!("probe/{}/s", worst.quantity);
+    measure(known, &format!("The hardest of them: {}", worst.quantity), "R² of a linear probe", |k| {
+        number(k, "probe", &name)
+    })
+}
+
+struct Score {
+    quantity: String,
+    latent: f64,
+    actions: Option<f64>,
+}
+
+fn scores(known: &Known, section: &str) -> Vec<Score> {
+    let Some(document) = known.documents.get("probe") else { return Vec::new() };
+    let quantities = document["quantities"].as_array().into_iter().flatten();
+    let of = |quantity: &Value| {
+        let name = quantity["quantity"].as_str().filter(|_| quantity["section"] == section)?;
+        let number = &document["numbers"][format!("probe/{name}/s")];
+        // The video's accuracy counts from chance, as R² does.
+        let class = name == "video";
+        let chance = number["chance"].as_f64().filter(|_| class).unwrap_or(0.0);
+        let over = |value: f64| (value - chance) / (1.0 - chance).max(1e-12);
+        let latent = over(number["estimate"].as_f64()?);
+        Some(Score { quantity: name.into(), latent, actions: number["past_actions"]["estimate"].as_f64().map(over) })
+    };
+    quantities.filter_map(of).collect()
+}
+
+/// Where a metric of the run ended; its interval where one was measured.
+fn series(known: &Known, name: &str) -> Option<Answer> {
+    let run = known.run.as_ref()?;
+    let end = |part: &str| run.final_value(&format!("{name}{part}"));
+    let value = end("").or_else(|| end(".estimate"))?;
+    let interval = end(".low")
+        .zip(end(".high"))
+        .map_or_else(String::new, |(low, high)| format!("{} to {}", text(low), text(high)));
+    let beside = end(".train.estimate")
+        .or_else(|| end(".train"))
+        .map_or_else(String::new, |train| format!("on training data: {}", text(train)));
+    Some(Answer { number: text(value), interval, beside })
+}
+
+fn interval(number: &Value) -> String {
+    match number["low"].as_f64().zip(number["high"].as_f64()) {
+        Some((low, high)) => format!("{} to {}", text(low), text(high)),
+        None => String::new(),
+    }
+}
+
+fn text(value: f64) -> String {
+    minus(&match value.abs() {
+        a if a >= 100.0 => format!("{value:.0}"),
+        a if a >= 10.0 => format!("{value:.1}"),
+        _ => format!("{value:.2}"),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn the_verdict_says_what_the_documents_say() {
+        let number = |estimate: f64| json!({ "estimate": estimate, "low": estimate - 0.1, "high": estimate + 0.1, "chance": 0.0, "past_actions": { "estimate": 0.25 } });
+        let probe = json!({
+            "quantities": [{ "quantity": "angle", "section": "task" }, { "quantity": "speed", "section": "task" }, { "quantity": "video", "section": "distractor" }],
+            "numbers": { "probe/angle/s": number(0.9), "probe/speed/s": number(0.5), "probe/video/s": { "estimate": 0.6, "low": 0.5, "high": 0.7, "chance": 0.5 } },
+        });
+        let known = Known { name: "a".into(), documents: BTreeMap::from([("probe", probe)]), run: None };
+        let verdict = verdict(&[known]);
+        let task = &verdict.groups[0].1[0].answers[0];
+        assert_eq!(
+            (task.number.as_str(), task.interval.as_str(), task.beside.as_str()),
+            ("0.70", "single ones 0.50 to 0.90", "past actions alone: 0.25")
+        );
+        let hardest = &verdict.groups[0].1[1];
+        assert!(hardest.name.contains("speed") && hardest.answers[0].interval == "0.40 to 0.60", "{hardest:?}");
+        let video: Vec<&str> = verdict.groups[1].1.iter().map(|m| m.answers[0].number.as_str()).collect();
+        assert_eq!(video, ["0.20", "0.60"], "over chance, and as it is");
+        assert!(verdict.groups[2].1.is_empty() && verdict.groups[3].1.is_empty());
+    }
+}

@@ -1,0 +1,232 @@
+//! `table`: numbers of many runs in the form of the paper's Table 1.
+
+use std::io::IsTerminal as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use serde_json::json;
+
+use super::{Globals, Outcome, wrong};
+use crate::figures::{Entry, Figure, Heading, Table};
+use crate::input::{Cell, Results, Rows, RowsError};
+use crate::metrics::Metric;
+use crate::output::{self, Column, write_csv, write_parquet};
+use crate::scores::{Mark, RunScore, ScoreTable, Style, score_table};
+
+/// A table over runs: mean and 95% interval of any metric over any keys; the best of each column bold, those whose interval overlaps with it underlined.
+///
+/// A run's metric is the mean of its last tenth. Keys are what run.json holds (`objective`, `task`, `seed`, or in full `options.model.latent`) and `run`,
+/// the folder's name; of a table of results they are its columns. Written as Markdown, LaTeX, CSV, Parquet and as a figure.
+#[derive(Debug, clap::Args)]
+pub(super) struct Options {
+    /// Run folders, or tables of results (CSV, Parquet, Arrow) with a row a run.
+    #[arg(value_name = "RUN", required = true)]
+    runs: Vec<PathBuf>,
+    /// Metrics [default: the return if the runs have one, else those known by name].
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    metrics: Vec<String>,
+    /// What a row of the table is: runs that agree in all of these keys are averaged [default: the objective, else each run].
+    #[arg(long, value_name = "KEY,…", value_delimiter = ',')]
+    by: Vec<String>,
+    /// What a column is, beside the metric [default: the task where the runs are of several].
+    #[arg(long, value_name = "KEY")]
+    columns: Option<String>,
+    /// Which runs, as in "seed < 3 and task != 'reacher-easy'".
+    #[arg(long = "where", value_name = "EXPRESSION")]
+    rows: Option<String>,
+    /// Metrics of which a lower number is better, beside those known to be.
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    lower: Vec<String>,
+    /// Where the output goes [default: the folder `figures` in the first run, or beside the first table].
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+    /// Seed (nothing here is random; taken so that all verbs have the same options).
+    #[arg(long, default_value_t = 0, hide = true)]
+    seed: u64,
+    /// A line under the title of the figure.
+    #[arg(long, value_name = "TEXT")]
+    note: Option<String>,
+}
+
+pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
+    let rows = options.rows.as_deref().map(str::parse).transpose().map_err(|e: RowsError| wrong(e.to_string()))?;
+    let results = Results::open(&options.runs)?;
+    let metrics = metrics(options, &results)?;
+    let by = if options.by.is_empty() { vec![usual_key(&results)] } else { options.by.clone() };
+    let (scores, across) = scores(options, &results, rows.as_ref(), &metrics, &by)?;
+    let table = score_table(&scores);
+    let corner = by.join(", ");
+    let averages = across.is_some() && metrics.len() == 1;
+    let terminal = !globals.json && std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    let text = table.text(&corner, averages, Style::Terminal { ansi: terminal });
+    let out = options.output.clone().unwrap_or_else(|| beside(&options.runs[0]));
+    std::fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
+    let mut files = write(&out, &table, &corner, averages)?;
+    let title = match metrics.as_slice() {
+        [only] => format!("{}, mean and 95% interval over runs", only.title),
+        _ => "Mean and 95% interval over runs".into(),
+    };
+    let heading = Heading::new(title).with_note(options.note.clone());
+    files.extend(Figure::Table(figure(heading, &table, &corner, averages)).save(&out, "table")?);
+    let document = output::document(
+        &json!({
+            "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "table", "by": by, "where": options.rows,
+            "runs": options.runs.iter().map(|run| vibes_data::portable(run, &out)).collect::<Vec<_>>(), "note": options.note,
+        }),
+        &table,
+    )?;
+    let path = out.join("table.json");
+    output::write_json(&path, &document)?;
+    files.push(path);
+    let names: Vec<&str> = metrics.iter().map(|metric| metric.name.as_str()).collect();
+    let body: Vec<String> = text.lines().map(|line| format!("  {line}")).collect();
+    let marks = if terminal { "bold: best; underlined" } else { "*: best; ~" };
+    let line = format!(
+        "table: {} of {} runs by {corner} ({marks}: its 95% interval overlaps with the best's)\n{}",
+        names.join(", "),
+        scores.len() / metrics.len().max(1),
+        body.join("\n")
+    );
+    Ok(Outcome { line, remarks: Vec::new(), files, json: document })
+}
+
+/// The metrics asked for, or those that the results have.
+fn metrics(options: &Options, results: &Results) -> anyhow::Result<Vec<Metric>> {
+    let names = results.names();
+    let returns = || names.iter().find(|name| name.contains("return")).cloned();
+    let chosen: Vec<String> = match &options.metrics {
+        asked if !asked.is_empty() => asked.clone(),
+        _ => match returns() {
+            Some(name) => vec![name],
+            None => Metric::known().filter(|name| names.contains(*name)).map(String::from).collect(),
+        },
+    };
+    if chosen.is_empty() {
+        let list = names.into_iter().collect::<Vec<_>>().join(", ");
+        return Err(wrong(format!("none of the metrics known by name is there; name one with --metrics: {list}")));
+    }
+    let metric = |name: &String| {
+        let metric = Metric::named(name);
+        Metric { higher_is_better: metric.higher_is_better && !options.lower.contains(name), ..metric }
+    };
+    Ok(chosen.iter().map(metric).collect())
+}
+
+fn usual_key(results: &Results) -> String {
+    ["objective", "method", "algorithm"].into_iter().find(|key| results.has(key)).unwrap_or("run").into()
+}
+
+/// Every run's numbers with their places, and the key that makes columns.
+fn scores(
+    options: &Options,
+    results: &Results,
+    rows: Option<&Rows>,
+    metrics: &[Metric],
+    by: &[String],
+) -> anyhow::Result<(Vec<RunScore>, Option<String>)> {
+    let tasks = || -> anyhow::Result<bool> {
+        if !results.has("task") {
+            return Ok(false);
+        }
+        let of = results.read(&["task".into()], rows)?;
+        Ok(of.iter().any(|row| row != &of[0]))
+    };
+    let across = match &options.columns {
+        Some(key) => Some(key.clone()),
+        None if tasks()? && !by.contains(&"task".to_string()) => Some("task".to_string()),
+        None => None,
+    };
+    let mut asked: Vec<String> = by.to_vec();
+    asked.extend(across.clone());
+    asked.extend(metrics.iter().map(|metric| metric.name.clone()));
+    let mut all = Vec::new();
+    for row in results.read(&asked, rows)? {
+        let method = row[..by.len()].iter().map(Cell::text).collect::<Vec<_>>().join(", ");
+        let column = across.is_some().then(|| row[by.len()].text());
+        let numbers = &row[by.len() + usize::from(column.is_some())..];
+        for (metric, cell) in metrics.iter().zip(numbers) {
+            let Some(score) = cell.number() else { continue };
+            let task = match (&column, metrics.len()) {
+                (Some(column), 1) => column.clone(),
+                (Some(column), _) => format!("{column}: {}", metric.title),
+                (None, _) => metric.title.clone(),
+            };
+            let higher_is_better = metric.higher_is_better;
+            all.push(RunScore { method: method.clone(), task, score, higher_is_better });
+        }
+    }
+    if all.is_empty() {
+        let names: Vec<&str> = metrics.iter().map(|metric| metric.name.as_str()).collect();
+        return Err(wrong(format!("no run has a number for {}", names.join(", "))));
+    }
+    Ok((all, across))
+}
+
+/// The folder of figures of a run, or of the folder that a table lies in.
+fn beside(first: &Path) -> PathBuf {
+    let folder = if first.is_file() { first.parent().unwrap_or(Path::new("")) } else { first };
+    folder.join("figures")
+}
+
+fn write(out: &Path, table: &ScoreTable, corner: &str, averages: bool) -> anyhow::Result<Vec<PathBuf>> {
+    let path = |name: &str| out.join(name);
+    let texts = [("table.md", Style::Markdown), ("table.tex", Style::Latex)];
+    for (name, style) in texts {
+        vibes_data::write_atomically(&path(name), table.text(corner, averages, style).as_bytes())?;
+    }
+    let entries = || {
+        let row = |r: usize| table.entries[r].iter().enumerate().filter_map(move |(c, e)| Some((r, c, e.as_ref()?)));
+        (0..table.methods.len()).flat_map(row)
+    };
+    let texts = |of: &dyn Fn(usize, usize) -> String| Column::Text(entries().map(|(r, c, _)| of(r, c)).collect());
+    let numbers = |of: fn(&crate::scores::Entry) -> f64| Column::Float64(entries().map(|(_, _, e)| of(e)).collect());
+    let mark = |mark: Mark| match mark {
+        Mark::Best => "best",
+        Mark::Tied => "tied",
+        Mark::Plain => "",
+    };
+    let columns = [
+        ("row", texts(&|r, _| table.methods[r].clone())),
+        ("column", texts(&|_, c| table.tasks[c].clone())),
+        ("mean", numbers(|e| e.score.estimate)),
+        ("low", numbers(|e| e.score.low)),
+        ("high", numbers(|e| e.score.high)),
+        ("runs", Column::UInt32(entries().map(|(_, _, e)| e.runs as u32).collect())),
+        ("mark", Column::Text(entries().map(|(_, _, e)| mark(e.mark).to_string()).collect())),
+    ];
+    write_csv(&path("table.csv"), &columns)?;
+    write_parquet(&path("table.parquet"), &columns)?;
+    Ok(["table.md", "table.tex", "table.csv", "table.parquet"].map(path).to_vec())
+}
+
+/// The table as a figure.
+fn figure(heading: Heading, table: &ScoreTable, corner: &str, averages: bool) -> Table {
+    let entry = |entry: &Option<crate::scores::Entry>| {
+        entry.as_ref().map(|entry| Entry {
+            mean: entry.score.estimate,
+            half: Some(entry.score.high - entry.score.estimate).filter(|half| half.is_finite()),
+            best: entry.mark == Mark::Best,
+            tied: entry.mark == Mark::Tied,
+        })
+    };
+    let averages = averages && table.has_averages();
+    let mut columns = table.tasks.clone();
+    columns.extend(averages.then(|| "average".to_string()));
+    let row = |r: usize| {
+        let mut entries: Vec<Option<Entry>> = table.entries[r].iter().map(entry).collect();
+        if averages {
+            let best = table.best_average() == Some(r);
+            entries.push(table.averages[r].map(|mean| Entry { mean, half: None, best, tied: false }));
+        }
+        (table.methods[r].clone(), entries)
+    };
+    let foot =
+        "mean of the last tenth; bold: best of its column, underlined: its 95% interval overlaps with the best's";
+    Table {
+        heading,
+        corner: corner.into(),
+        columns,
+        rows: (0..table.methods.len()).map(row).collect(),
+        foot: foot.into(),
+    }
+}

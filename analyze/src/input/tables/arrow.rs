@@ -1,0 +1,72 @@
+//! Arrow IPC files and streams (Feather, polars, pandas, DuckDB), with LZ4 or zstd compression.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+use polars::prelude::Series;
+use polars_arrow::array::Array;
+use polars_arrow::datatypes::{ArrowSchema, Metadata};
+use polars_arrow::io::ipc::read::{FileReader, StreamReader, StreamState, read_file_metadata, read_stream_metadata};
+
+use super::plain::series;
+use super::{InputError, damaged};
+
+type Names = (Vec<String>, BTreeMap<String, String>);
+
+pub(super) fn schema(path: &Path, stream: bool) -> Result<Names, InputError> {
+    let mut file = open(path)?;
+    let fault = |error| damaged(path, &error);
+    let (schema, metadata) = if stream {
+        let read = read_stream_metadata(&mut file).map_err(fault)?;
+        (read.schema, read.custom_schema_metadata.map(|m| texts(&m)))
+    } else {
+        let read = read_file_metadata(&mut file).map_err(fault)?;
+        (read.schema.as_ref().clone(), read.custom_schema_metadata.map(|m| texts(&m)))
+    };
+    Ok((schema.iter_names().map(|name| name.to_string()).collect(), metadata.unwrap_or_default()))
+}
+
+fn texts(metadata: &Metadata) -> BTreeMap<String, String> {
+    metadata.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect()
+}
+
+fn open(path: &Path) -> Result<BufReader<File>, InputError> {
+    File::open(path).map(BufReader::new).map_err(InputError::io(path))
+}
+
+pub(super) fn read(path: &Path, stream: bool, names: &[String]) -> Result<Vec<Series>, InputError> {
+    let mut file = open(path)?;
+    let fault = |error| damaged(path, &error);
+    let mut chunks: Vec<Vec<Box<dyn Array>>> = vec![Vec::new(); names.len()];
+    let mut take = |order: &[usize], arrays: &[Box<dyn Array>]| {
+        for (&at, array) in order.iter().zip(arrays) {
+            chunks[at].push(array.clone());
+        }
+    };
+    if stream {
+        let metadata = read_stream_metadata(&mut file).map_err(fault)?;
+        let (projection, order) = projection(&metadata.schema, names);
+        for state in StreamReader::new(file, metadata, Some(projection)) {
+            if let StreamState::Some(batch) = state.map_err(fault)? {
+                take(&order, batch.arrays());
+            }
+        }
+    } else {
+        let metadata = read_file_metadata(&mut file).map_err(fault)?;
+        let (projection, order) = projection(&metadata.schema, names);
+        for batch in FileReader::new(file, metadata, Some(projection), None) {
+            take(&order, batch.map_err(fault)?.arrays());
+        }
+    }
+    names.iter().zip(chunks).map(|(name, chunks)| series(path, name, chunks)).collect()
+}
+
+/// The columns' places in the file, rising, and for each which of the names it is.
+fn projection(schema: &ArrowSchema, names: &[String]) -> (Vec<usize>, Vec<usize>) {
+    let mut places: Vec<(usize, usize)> =
+        names.iter().enumerate().filter_map(|(at, name)| Some((schema.index_of(name)?, at))).collect();
+    places.sort_unstable();
+    places.into_iter().unzip()
+}

@@ -1,0 +1,55 @@
+//! CSV with a header, separated by commas, semicolons or tabs, plain or compressed by gzip or zstd.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use polars::prelude::{PlSmallStr, Series};
+use polars_io::SerReader;
+use polars_io::csv::read::{CsvParseOptions, CsvReadOptions};
+
+use super::{InputError, damaged, not_a_table};
+
+/// The bytes of a header line that are looked at for its separator.
+const HEADER: usize = 1 << 16;
+
+pub(super) fn schema(path: &Path) -> Result<(Vec<String>, BTreeMap<String, String>), InputError> {
+    let frame = options(path, None)?.with_n_rows(Some(1)).with_infer_schema_length(Some(1));
+    let reader = frame.try_into_reader_with_file_path(Some(path.into())).map_err(|error| damaged(path, &error))?;
+    let frame = reader.finish().map_err(|error| damaged(path, &error))?;
+    let names: Vec<String> = frame.get_column_names().iter().map(ToString::to_string).collect();
+    if names.len() < 2 || names.iter().any(|name| name.contains(['\0', '\u{fffd}'])) {
+        return Err(not_a_table(path, "a file of another kind"));
+    }
+    Ok((names, BTreeMap::new()))
+}
+
+pub(super) fn read(path: &Path, names: &[String]) -> Result<Vec<Series>, InputError> {
+    let fault = |error| damaged(path, &error);
+    let columns: Arc<[PlSmallStr]> = names.iter().map(|name| PlSmallStr::from_str(name)).collect();
+    // All rows decide a column's type: one fraction after a thousand whole numbers makes a column of floats.
+    let options = options(path, Some(columns))?.with_infer_schema_length(None);
+    let frame = options.try_into_reader_with_file_path(Some(path.into())).map_err(fault)?.finish().map_err(fault)?;
+    let column = |name: &String| Ok(frame.column(name).map_err(fault)?.as_materialized_series().clone());
+    names.iter().map(column).collect()
+}
+
+fn options(path: &Path, columns: Option<Arc<[PlSmallStr]>>) -> Result<CsvReadOptions, InputError> {
+    let parse = CsvParseOptions::default().with_separator(separator(path)?);
+    Ok(CsvReadOptions::default().with_has_header(true).with_columns(columns).with_parse_options(parse))
+}
+
+/// The separator that the header line has most of; a comma for a file whose header cannot be seen without unpacking.
+fn separator(path: &Path) -> Result<u8, InputError> {
+    use std::io::Read as _;
+    let mut head = Vec::new();
+    let file = std::fs::File::open(path).map_err(InputError::io(path))?;
+    file.take(HEADER as u64).read_to_end(&mut head).map_err(InputError::io(path))?;
+    let packed = head.starts_with(&[0x1F, 0x8B]) || head.starts_with(&[0x28, 0xB5, 0x2F, 0xFD]);
+    let line = head.split(|&b| b == b'\n').next().unwrap_or_default();
+    if !packed && line.iter().any(|&b| b == 0) {
+        return Err(not_a_table(path, "a file of another kind"));
+    }
+    let count = |separator: u8| line.iter().filter(|&&b| b == separator).count();
+    Ok(if packed { b',' } else { [b'\t', b';', b','].into_iter().max_by_key(|&s| count(s)).unwrap_or(b',') })
+}

@@ -1,0 +1,159 @@
+//! Laws of reading: the same table from whatever wrote it, and a clear word about what cannot be read.
+
+use std::path::{Path, PathBuf};
+
+use proptest::prelude::*;
+use vibes_data::Latents;
+
+use super::*;
+
+const ROWS: usize = 24;
+const DIMS: usize = 4;
+
+fn tables() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/tables");
+    let mut all: Vec<PathBuf> = std::fs::read_dir(folder).expect("folder").flatten().map(|f| f.path()).collect();
+    all.sort();
+    assert!(all.len() >= 22, "{all:?}");
+    all
+}
+
+/// The table of `tests/golden/make_tables.py`.
+fn wanted() -> Latents {
+    let number = |row: usize, dim: usize| (((row * 37 + dim * 11) % 101) as f32 - 50.0) / 64.0;
+    Latents {
+        episode: (0..ROWS as u32).map(|row| row / 12).collect(),
+        step: (0..ROWS as u32).map(|row| row % 12).collect(),
+        state: (0..ROWS as u32).map(|row| Some(row / 12 % 2)).collect(),
+        distractor: vec![Some(0); ROWS],
+        reward: (0..ROWS).map(|row| (row % 12 != 11).then_some((row % 5) as f32 / 4.0)).collect(),
+        dims: DIMS,
+        latent: (0..ROWS * DIMS).map(|i| number(i / DIMS, i % DIMS)).collect(),
+        ..Latents::default()
+    }
+}
+
+#[test]
+fn every_table_of_others_reads_the_same() {
+    for path in tables() {
+        let read = read_asked(&path, &Asked::default()).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(read.latents, wanted(), "{}", path.display());
+        assert!(read.remarks.is_empty(), "{:?}", read.remarks);
+    }
+}
+
+#[test]
+fn a_users_own_column_comes_along_wherever_it_lies() {
+    for path in tables() {
+        let file = TableFile::open(&path).expect("table");
+        let texts = file.has("video") && path.extension().is_some_and(|e| e != "npy");
+        if !texts {
+            continue;
+        }
+        let asked = Asked { columns: vec!["video".into()], ..Asked::default() };
+        let read = read_asked(&path, &asked).unwrap_or_else(|e| panic!("{e}"));
+        let UserColumn::Kinds { of_row, names } = &read.columns[0].1 else { panic!("{}", path.display()) };
+        assert_eq!(names, &["bus", "dogs", "surf"], "{}", path.display());
+        assert_eq!(of_row[..4], [Some(1), Some(2), Some(1), Some(0)], "{}", path.display());
+    }
+}
+
+#[test]
+fn rows_are_chosen_by_their_own_and_by_joined_columns() {
+    let dir = tempfile::tempdir().expect("folder");
+    let table = tables().into_iter().find(|p| p.ends_with("polars-zstd.arrow")).expect("table");
+    let join = dir.path().join("notes.csv");
+    let lines = (0..ROWS).filter(|row| row % 3 != 0).map(|row| format!("{},{},{}\n", row / 12, row % 12, row * row));
+    std::fs::write(&join, format!("episode,step,square\n{}", lines.collect::<String>())).expect("file");
+    let asked = Asked {
+        rows: Some("square >= 25 and video = 'surf' and step < 11".parse().expect("expression")),
+        joins: vec![join.clone()],
+        columns: vec!["square".into()],
+    };
+    let read = read_asked(&table, &asked).unwrap_or_else(|e| panic!("{e}"));
+    let want: Vec<usize> = (0..ROWS).filter(|r| r % 3 != 0 && r * r >= 25 && r % 4 == 1 && r % 12 < 11).collect();
+    assert!(want.len() >= 3);
+    let all = wanted();
+    assert_eq!(read.latents.step, want.iter().map(|&row| (row % 12) as u32).collect::<Vec<_>>());
+    assert_eq!(read.latents.latent, want.iter().flat_map(|&row| all.row(row).to_vec()).collect::<Vec<_>>());
+    assert_eq!(read.columns[0].1, UserColumn::Numbers(want.iter().map(|&row| (row * row) as f64).collect()));
+    assert!(read.remarks.iter().any(|r| r.contains("8 of 24 rows have no row in")), "{:?}", read.remarks);
+    // By episode alone, and twice the same row.
+    std::fs::write(&join, "episode;weather\n0;sun\n1;rain\n").expect("file");
+    let asked = Asked { rows: None, joins: vec![join.clone()], columns: vec!["weather".into()] };
+    let read = read_asked(&table, &asked).unwrap_or_else(|e| panic!("{e}"));
+    let UserColumn::Kinds { of_row, .. } = &read.columns[0].1 else { panic!("kinds") };
+    assert_eq!((of_row[0], of_row[23]), (Some(1), Some(0)));
+    std::fs::write(&join, "episode,weather\n0,sun\n0,rain\n").expect("file");
+    let fault = read_asked(&table, &asked).expect_err("twice").to_string();
+    assert!(fault.contains("a row occurs twice"), "{fault}");
+}
+
+#[test]
+fn what_is_used_and_of_a_wrong_type_is_named_and_what_is_unused_is_not() {
+    let path = |name: &str| tables().into_iter().find(|p| p.ends_with(name)).expect("table");
+    let ask = |file: &str, column: &str| {
+        let asked = Asked { columns: vec![column.into()], ..Asked::default() };
+        read_asked(&path(file), &asked).expect_err(column).to_string()
+    };
+    for (file, column, says) in [
+        ("polars-zstd.arrow", "unused", "Int128"),
+        ("half-lz4.arrow", "when", "Timestamp"),
+        ("half-zstd.parquet", "unused", "Decimal"),
+        ("structured.npy", "video", "S4"),
+    ] {
+        let fault = ask(file, column);
+        assert!(fault.contains(&format!("column {column}")) && fault.contains(says), "{fault}");
+    }
+    let fault = ask("pandas-wide.csv", "weather");
+    assert!(fault.contains("no table has a column weather, choose among"), "{fault}");
+}
+
+#[test]
+fn a_column_that_is_a_row_short_is_an_error_in_every_format() {
+    let dir = tempfile::tempdir().expect("folder");
+    let npz = dir.path().join("short.npz");
+    let array = |kind: &str, shape: &str, bytes: &[u8]| {
+        let header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n");
+        let mut all = b"\x93NUMPY\x01\x00".to_vec();
+        all.extend((header.len() as u16).to_le_bytes());
+        all.extend(header.bytes());
+        all.extend(bytes);
+        all
+    };
+    let mut writer = zip::ZipWriter::new(std::fs::File::create(&npz).expect("file"));
+    let options = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    let members: [(&str, Vec<u8>); 4] = [
+        ("episode", array("|u1", "(3,)", &[0; 3])),
+        ("step", array("|u1", "(3,)", &[0, 1, 2])),
+        ("latent", array("<f4", "(3, 2)", &[1; 24])),
+        ("reward", array("<f4", "(2,)", &[0; 8])),
+    ];
+    for (name, bytes) in &members {
+        writer.start_file(format!("{name}.npy"), options).expect("member");
+        std::io::Write::write_all(&mut writer, bytes).expect("bytes");
+    }
+    writer.finish().expect("zip");
+    let fault = read_latents(&npz).expect_err("a reward is missing").to_string();
+    assert!(fault.contains("2 of reward") && fault.contains("3 of latent"), "{fault}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    /// Whatever is cut off or changed, the reader answers: with the table, or with an error that names the file.
+    #[test]
+    fn a_damaged_table_is_an_answer_not_a_panic(file in 0usize..22, at in 0.0f64..1.0, byte in any::<u8>(), cut in any::<bool>()) {
+        let path = &tables()[file];
+        let mut bytes = std::fs::read(path).expect("bytes");
+        let at = ((bytes.len() - 1) as f64 * at) as usize;
+        if cut { bytes.truncate(at) } else { bytes[at] = byte }
+        let dir = tempfile::tempdir().expect("folder");
+        let damaged = dir.path().join(path.file_name().expect("name"));
+        std::fs::write(&damaged, bytes).expect("file");
+        if let Err(error) = read_latents(&damaged) {
+            let file = damaged.file_name().expect("name").to_string_lossy().into_owned();
+            prop_assert!(error.to_string().contains(&file), "{error}");
+        }
+    }
+}

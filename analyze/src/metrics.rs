@@ -1,0 +1,54 @@
+//! The metrics of runs that are known by name: what they are called in figures, and whether a higher number is a better one. Any other metric is shown
+//! under its own name.
+
+/// What the dynamics gap of a held-out grid is called: how far the latents are from a bisimulation.
+pub const DYNAMICS_GAP: &str = "held_out.gaps.dynamics_gap";
+
+/// Name, title, whether higher is better; in the order in which they are shown.
+const KNOWN: [(&str, &str, bool); 13] = [
+    ("episode_return", "episode return", true),
+    ("objective", "objective (nats a row)", true),
+    ("dynamics_log_likelihood", "dynamics log-likelihood (nats)", true),
+    ("adversary_log_likelihood", "adversary log-likelihood (nats)", true),
+    ("gap", "gap: adversary − dynamics (nats)", false),
+    ("reward_log_likelihood", "reward log-likelihood (nats)", true),
+    ("clipped_share", "share of clipped terms", false),
+    ("effective_rank", "effective rank of the latents", true),
+    ("frames_per_second", "frames a second", true),
+    (DYNAMICS_GAP, "held-out dynamics gap (nats)", false),
+    ("held_out.gaps.reward_gap", "held-out reward gap (nats)", false),
+    ("held_out.numbers.retrieval_same_step@1.estimate", "held-out retrieval_same_step@1", true),
+    ("held_out.numbers.state_share.estimate", "held-out state_share", true),
+];
+
+/// A metric to show.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Metric {
+    /// As the run calls it.
+    pub name: String,
+    /// As figures call it.
+    pub title: String,
+    /// Whether a higher number is a better one.
+    pub higher_is_better: bool,
+}
+
+impl Metric {
+    /// A metric by its name. Of an unknown one a higher number is better, unless its name says that it is a gap, a loss or an error.
+    #[must_use]
+    pub fn named(name: &str) -> Self {
+        let known = KNOWN.iter().find(|known| known.0 == name);
+        known.map_or_else(
+            || Self {
+                name: name.into(),
+                title: name.replace('_', " "),
+                higher_is_better: !["gap", "loss", "error"].iter().any(|low| name.contains(low)),
+            },
+            |known| Self { name: known.0.into(), title: known.1.into(), higher_is_better: known.2 },
+        )
+    }
+
+    /// The known metrics' names.
+    pub fn known() -> impl Iterator<Item = &'static str> {
+        KNOWN.iter().map(|known| known.0)
+    }
+}
