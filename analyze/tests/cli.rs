@@ -2,6 +2,8 @@
 
 #![allow(missing_docs, clippy::print_stdout, reason = "a test, which says what it skips")]
 
+#[path = "cli/browser.rs"]
+mod browser;
 #[path = "cli/fixture.rs"]
 mod fixture;
 
@@ -9,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::LazyLock;
 
+use browser::Browser;
 use fixture::Fixture;
 use serde_json::Value;
 use vibes_data::Latents;
@@ -321,6 +324,98 @@ fn held_out_gaps_are_drawn_with_the_curves() {
 }
 
 #[test]
+fn a_table_over_runs_and_results_is_written_in_every_form() {
+    let fixture = Fixture::grid(2, 2, 6);
+    for (name, shift) in [("a", 0.0), ("b", 0.1), ("c", 0.2)] {
+        fixture::write_run(&fixture.path().join("runs").join(name), shift);
+    }
+    let (said, _) = good(fixture.path(), &["table", "runs/a", "runs/b", "runs/c", "--metrics", "gap,effective_rank"]);
+    assert!(said.starts_with("table: gap, effective_rank of 3 runs by objective") && said.contains("vibes"), "{said}");
+    let out = fixture.path().join("runs/a/figures");
+    for file in ["table.md", "table.tex", "table.csv", "table.parquet", "table.png", "table.json"] {
+        assert!(out.join(file).is_file() && said.contains(file), "{file}");
+    }
+    // A table of anyone's results, chosen by an expression; the best and the tied are marked.
+    let mut csv = String::from("method,task,seed,return\n");
+    for (method, base) in [("ours", 900), ("theirs", 880), ("noise", 100)] {
+        for seed in 0..4 {
+            csv +=
+                &format!("{method},reacher,{seed},{}\n{method},walker,{seed},{}\n", base + 10 * seed, base / 2 + seed);
+        }
+    }
+    std::fs::write(fixture.path().join("results.csv"), csv).expect("results");
+    let (said, _) = good(fixture.path(), &["table", "results.csv", "--where", "seed < 3", "-o", "out"]);
+    assert!(said.contains("return of 18 runs by method") || said.contains("return of 9 runs by method"), "{said}");
+    let markdown = std::fs::read_to_string(fixture.path().join("out/table.md")).expect("Markdown");
+    assert!(markdown.starts_with("| method | reacher | walker | average |"), "{markdown}");
+    assert!(
+        markdown.contains("| ours | **910 ± 25** |") && markdown.contains("| theirs | <u>890 ± 25</u> |"),
+        "{markdown}"
+    );
+    assert!(
+        bad(fixture.path(), &["table", "results.csv", "--metrics", "speed"], 2)
+            .contains("choose among method, return, seed, task")
+    );
+    assert!(bad(fixture.path(), &["table", "results.csv", "--where", "seed > 9"], 2).contains("no row is chosen"));
+}
+
+#[test]
+fn rows_are_chosen_and_a_users_own_column_colours_the_map() {
+    let fixture = Fixture::grid(3, 3, 12);
+    let rows: String =
+        (0..9).map(|episode| format!("{episode},{}\n", if episode % 2 == 0 { "even" } else { "odd" })).collect();
+    std::fs::write(fixture.path().join("mine.csv"), format!("episode,parity\n{rows}")).expect("table");
+    let words = [
+        "umap",
+        "--where",
+        "step >= 2 and parity = 'even'",
+        "--join",
+        "mine.csv",
+        "--color",
+        "parity",
+        "--neighbours",
+        "5",
+    ];
+    let (said, told) = good(fixture.path(), &words);
+    assert!(said.contains("map-by-parity.png") && told.contains("55 of 117 rows are looked at"), "{said} {told}");
+    assert!(
+        bad(fixture.path(), &["umap", "--color", "weather"], 2).contains("no table has a column weather, choose among")
+    );
+    assert!(bad(fixture.path(), &["nn", "--where", "step >"], 2).contains("nothing where a value is expected"));
+    let mut l = Latents::read(&fixture.latents()).expect("latents");
+    l.source.recording = None;
+    l.write(&fixture.latents()).expect("latents");
+    assert!(bad(fixture.path(), &["nn", "--where", "step > 99"], 2).contains("no row is chosen"));
+}
+
+#[test]
+fn what_latents_show_is_drawn_side_by_side() {
+    let fixture = Fixture::grid(2, 2, 30);
+    let row = |step: u32, shade: u8| vibes_data::DecodedRow {
+        strip: 0,
+        episode: 1,
+        step,
+        start: 8,
+        recorded: vec![200; 48],
+        shown: vec![shade; 48],
+        predicted: (step >= 8).then(|| vec![shade / 2; 48]),
+    };
+    for (run, shade, from) in [("a", 100, 5), ("b", 60, 5), ("c", 60, 6)] {
+        let rows = (from..20).map(|step| row(step, shade)).collect();
+        let decoded = vibes_data::Decoded { size: (4, 4), rows, explained: Some(0.5), ..Default::default() };
+        let path = fixture.path().join("runs").join(run);
+        std::fs::create_dir_all(&path).expect("run");
+        decoded.write(&path.join("decoded.arrow")).expect("pictures");
+    }
+    let (said, _) = good(fixture.path(), &["decode", "runs/a", "runs/b"]);
+    assert!(said.starts_with("decode: 1 strips; pixel variance that the latent shows: a 50%, b 50%"), "{said}");
+    let svg = std::fs::read_to_string(fixture.path().join("runs/a/figures/decoded.svg")).expect("figure");
+    assert!(svg.contains("b: predicted") && svg.contains("a: shown"));
+    assert!(bad(fixture.path(), &["decode", "runs/a", "runs/c"], 2).contains("show different rows"));
+    assert!(bad(fixture.path(), &["decode", "runs/discs"], 2).contains("vibes-train decode"));
+}
+
+#[test]
 fn the_numbers_of_a_known_latent_are_right() {
     let out = folder();
     good(GRID.path(), &["invariance", "-o", text(out.path())]);
@@ -374,8 +469,10 @@ fn bad_latents_give_a_clear_error_and_leave_nothing() {
     refused("cannot read", &["nn"]);
     std::fs::write(&path, b"").expect("file");
     refused("an empty file", &["nn"]);
-    std::fs::write(&path, b"episode,step,latent\n0,0,1.5\n").expect("file");
+    std::fs::write(&path, b"\x7fELF\x02\x01 and no table").expect("file");
     refused("a file of another kind", &["nn"]);
+    std::fs::write(&path, b"episode,step,latents\n0,0,1.5\n").expect("file");
+    refused("column latent (or latent_0, latent_1 and so on) is missing", &["nn"]);
     let mut nan = l.clone();
     nan.latent[7] = f32::NAN;
     nan.write(&path).expect("latents");
@@ -417,7 +514,7 @@ fn missing_columns_are_named() {
     let flat = std::sync::Arc::new(Float32Array::from(vec![0.5, 1.5])) as ArrayRef;
     write(vec![("episode", keys()), ("step", keys()), ("latent", flat)]);
     let error = bad(dir.path(), &["nn", text(&path)], 1);
-    assert!(error.contains("column latent: it holds Float32; a list of floats"), "{error}");
+    assert!(error.contains("column latent: it holds f32; a list of numbers"), "{error}");
 }
 
 #[test]
@@ -513,43 +610,129 @@ fn a_scene_is_right_to_reruns_own_tool() {
     }
 }
 
+/// A report on the shared recording, made once.
+static REPORT: LazyLock<PathBuf> = LazyLock::new(|| {
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("analyze-report");
+    let _ = std::fs::remove_dir_all(&out);
+    let notes = out.join("notes.csv");
+    std::fs::create_dir_all(&out).expect("folder");
+    let lines: String = (0..20).map(|episode| format!("{episode},{}\n", ["calm", "windy"][episode % 2])).collect();
+    std::fs::write(&notes, format!("episode,weather\n{lines}")).expect("notes");
+    let words =
+        ["report", "runs/discs", "--points", "60", "-o", text(&out), "--join", text(&notes), "--color", "weather"];
+    good(GRID.path(), &words);
+    out.join("report.html")
+});
+
 #[test]
-fn a_report_is_one_whole_page_and_comes_alive_in_a_browser() {
-    let out = folder();
-    good(GRID.path(), &["report", "runs/discs", "--points", "60", "-o", text(out.path())]);
-    let page = std::fs::read_to_string(out.path().join("report.html")).expect("page");
+fn a_report_is_one_whole_page_that_opens_with_the_verdict() {
+    let page = std::fs::read_to_string(&*REPORT).expect("page");
     assert!(!page.contains("src=\"http") && !page.contains("href=\"http"), "the page refers to the network");
     assert!(page.contains("How did training go?") && !page.contains("not available"), "a section failed");
-    let Some(browser) = ["chromium", "chromium-browser", "google-chrome"]
-        .into_iter()
-        .find(|b| Command::new(b).arg("--version").output().is_ok())
-    else {
-        println!("skipped: no Chromium on this machine, the page was not opened");
-        return;
+    let home = GRID.path().to_string_lossy().into_owned();
+    assert!(!page.contains(&home), "a path of this machine is in the page");
+    let verdict = page.find("<table class=\"verdict\">").expect("verdict");
+    assert!(verdict < page.find("<h2").expect("chapters"), "the verdict comes first");
+    let table = &page[verdict..verdict + page[verdict..].find("</table>").expect("end")];
+    for part in [
+        "What do the latents hold?",
+        "What do they ignore?",
+        "past actions alone",
+        "chance:",
+        "Variance that the state explains",
+    ] {
+        assert!(table.contains(part), "{part} is missing in {table}");
+    }
+    assert!(page.len() < 15_000_000);
+}
+
+/// The middle of an element, for a click.
+fn middle(selector: &str) -> String {
+    format!(
+        "(e => {{ e.scrollIntoView({{ block: 'center' }}); const b = e.getBoundingClientRect(); \
+         return [b.left + b.width / 2 + scrollX, b.top + b.height / 2 + scrollY]; }})(document.querySelector({selector:?}))"
+    )
+}
+
+/// Where a point of the first map lies on the page; `of` says which.
+fn point(of: &str) -> String {
+    format!(
+        "(() => {{ const m = maps[0], c = m.canvas; c.scrollIntoView({{ block: 'center' }}); const b = c.getBoundingClientRect(); \
+         const [x, y] = m.place({of}); return [x + b.left + scrollX, y + b.top + scrollY]; }})()"
+    )
+}
+
+#[test]
+fn a_click_a_drag_and_a_key_on_the_map_are_answered() {
+    let mut browser = Browser::open(&REPORT, (1280, 900), false);
+    browser.keep("report-top.png");
+    let painted = browser.read("performance.getEntriesByName('first-contentful-paint')[0].startTime").as_f64();
+    println!("first paint after {painted:?} ms");
+    // A click on a point shows its row, its frame and its neighbours' frames.
+    browser.click(&point("m.alive[17]"));
+    let row = browser.read("maps[0].chosen");
+    assert!(row.is_u64() && browser.text(".card").contains("episode "), "no row was chosen: {row}");
+    browser.read("new Promise(done => setTimeout(done, 300))");
+    let neighbours = browser.read("document.querySelectorAll('.card .strip button').length");
+    assert_eq!(neighbours, 5);
+    let inked = "[...document.querySelectorAll('.card canvas')].every(c => c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some((v, i) => i % 4 < 3 && v > 0 && v < 255))";
+    assert_eq!(browser.read(inked), true, "frames are drawn");
+    browser.keep("report-chosen.png");
+    // A click on a neighbour goes there.
+    browser.click(&middle(".card .strip button"));
+    assert_ne!(browser.read("maps[0].chosen"), row);
+    // The slider and the keys run through the episode.
+    let before = browser.read("maps[0].step[maps[0].chosen]").as_u64().expect("step");
+    browser.read("document.querySelector('canvas.cloud').focus()");
+    let (key, later) = if before < 15 { ("ArrowRight", true) } else { ("ArrowLeft", false) };
+    browser.key(key);
+    let after = browser.read("maps[0].step[maps[0].chosen]").as_u64().expect("step");
+    assert!((after > before) == later && after != before, "{before} and {after}");
+    browser.read("(s => { s.value = 0; s.dispatchEvent(new Event('input')); })(document.querySelector('.time'))");
+    assert_eq!(browser.read("maps[0].chosen === maps[0].film()[0]"), true);
+    // Zooming and dragging move the view.
+    browser.wheel(&middle("canvas.cloud"), -300.0);
+    browser.read("new Promise(done => setTimeout(done, 100))");
+    assert!(browser.read("maps[0].view.zoom").as_f64().expect("zoom") > 1.5);
+    let view = browser.read("[maps[0].view.x, maps[0].view.y]");
+    let shifted = format!("(([x, y]) => [x + 90, y + 40])({})", middle("canvas.cloud"));
+    browser.drag(&middle("canvas.cloud"), &shifted, false);
+    assert_ne!(browser.read("[maps[0].view.x, maps[0].view.y]"), view);
+    browser.click(&middle(".whole"));
+    // Shift and a drag over everything choose everything, and a column of the user's own colours it.
+    let corner = |x: f64, y: f64| {
+        format!(
+            "(b => [b.left + b.width * {x} + scrollX, b.top + b.height * {y} + scrollY])((c => (c.scrollIntoView({{ block: 'center' }}), c.getBoundingClientRect()))(document.querySelector('canvas.cloud')))"
+        )
     };
-    // A mouse that moves to the place of point 17, as a hand would.
-    let hover = "<script>addEventListener('load', () => { const live = document.querySelector('.live'), canvas = live.querySelector('canvas.cloud'); \
-                 const [x, y] = live.place(17), box = canvas.getBoundingClientRect(); canvas.dispatchEvent(new MouseEvent('mousemove', \
-                 {clientX: box.left + x * box.width / canvas.width, clientY: box.top + y * box.height / canvas.height})); });</script></body>";
-    std::fs::write(out.path().join("hover.html"), page.replace("</body>", hover)).expect("page");
-    let profile = folder();
-    let output = Command::new(browser)
-        .args([
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-            "--disable-quic",
-            "--no-first-run",
-            "--disable-background-networking",
-        ])
-        .args(["--disable-component-update", "--disable-sync", "--virtual-time-budget=4000", "--dump-dom"])
-        .arg(format!("--user-data-dir={}", profile.path().display()))
-        .arg(format!("file://{}", out.path().join("hover.html").display()))
-        .output()
-        .expect("the browser starts");
-    let dom = String::from_utf8_lossy(&output.stdout);
-    let card = dom.split("class=\"card\"").nth(1).and_then(|rest| rest.split("<img").next()).unwrap_or_default();
-    assert!(dom.contains("data-point=\""), "hovering chose no point: {}", String::from_utf8_lossy(&output.stderr));
-    assert!(card.contains("episode ") && card.contains("state "), "{card}");
-    assert_eq!(card.matches("data-frame=").count(), 6, "the row and its five neighbours: {card}");
+    browser.read("(s => { s.value = [...s.options].findIndex(o => o.textContent === 'weather'); s.dispatchEvent(new Event('change')); })(document.querySelector('.tools select'))");
+    assert!(browser.text(".legend").contains("windy"));
+    browser.drag(&corner(0.01, 0.01), &corner(0.99, 0.99), true);
+    let rows = browser.read("maps[0].x.length").as_u64().expect("rows");
+    assert_eq!(browser.read("Number(document.querySelector('.live').dataset.selected)").as_u64(), Some(rows));
+    assert!(
+        browser.text(".chosen").contains(&format!("{rows} rows in the region"))
+            && browser.text(".chosen").contains("calm:")
+    );
+    browser.read("new Promise(done => setTimeout(done, 300))");
+    browser.keep("report-region.png");
+    // Every control has a name, every picture says what it shows.
+    let nameless = "[...document.querySelectorAll('button, select, input')].filter(e => !(e.getAttribute('aria-label') || e.textContent.trim() || e.labels?.length)).length";
+    assert_eq!(browser.read(nameless), 0);
+    assert_eq!(browser.read("[...document.images].filter(i => i.alt.length < 10).length"), 0);
+}
+
+#[test]
+fn the_report_fits_a_phone() {
+    let mut browser = Browser::open(&REPORT, (390, 844), true);
+    browser.keep("report-phone.png");
+    let wider = "[...document.querySelectorAll('main *')].filter(e => e.getBoundingClientRect().right > innerWidth + 1 && !e.closest('pre, .wide')).map(e => e.tagName + '.' + e.className).slice(0, 5).join()";
+    assert_eq!(browser.read(wider), "", "these are wider than the window");
+    assert!(browser.read("document.documentElement.scrollWidth").as_f64().expect("width") <= 391.0);
+    assert_eq!(browser.read("getComputedStyle(document.body).fontSize"), "16px");
+    let small = "[...document.querySelectorAll('.tools button, .tools select')].filter(e => e.getBoundingClientRect().height < 32).length";
+    assert_eq!(browser.read(small), 0, "too small for a finger");
+    browser.click(&point("m.alive[5]"));
+    assert!(browser.text(".card").contains("episode "));
+    browser.keep("report-phone-map.png");
 }

@@ -195,9 +195,12 @@ impl DrawingBackend for Canvas<'_> {
 
 #[cfg(test)]
 mod tests {
-    use plotters::prelude::*;
+    use plotters::prelude::{
+        BLACK, Circle, Color as _, IntoDrawingArea as _, IntoFont as _, PathElement, RGBColor, Text,
+    };
 
-    use super::*;
+    use super::{Canvas, Shape, UNITS, Weight, units, width_units};
+    use crate::picture::Picture;
 
     #[test]
     fn places_are_exact_to_a_64th_and_text_is_of_the_embedded_font() {

@@ -79,19 +79,19 @@ fn ignore(known: &[Known]) -> Vec<Measure> {
 }
 
 fn predict(known: &[Known]) -> Vec<Measure> {
-    let gap = |name: &'static str| move |k: &Known| series(k, &format!("held_out.gaps.{name}"));
+    let of = |name: &'static str| move |k: &Known| gap(k, name);
     let all = [
         measure(
             known,
             "Held-out dynamics gap",
             "nats a row that a fresh adversary predicts the next latent better than the dynamics; 0 for a bisimulation",
-            gap("dynamics_gap"),
+            of("dynamics"),
         ),
         measure(
             known,
             "Held-out reward gap",
             "nats a row that a critic with the recurrent state predicts the reward better; 0 for a bisimulation",
-            gap("reward_gap"),
+            of("reward"),
         ),
         measure(known, "Reward log-likelihood", "nats a row, at the end of training", |k| {
             series(k, "reward_log_likelihood")
@@ -167,6 +167,18 @@ fn scores(known: &Known, section: &str) -> Vec<Score> {
     quantities.filter_map(of).collect()
 }
 
+/// A gap to a bisimulation on the held-out recording, beside that on training recordings.
+fn gap(known: &Known, of: &str) -> Option<Answer> {
+    let run = known.run.as_ref()?;
+    let end = |part: &str| run.final_value(&format!("held_out.gaps.{part}"));
+    let value = end(&format!("{of}_gap"))?;
+    let ends = end(&format!("held_out.{of}.gap.low")).zip(end(&format!("held_out.{of}.gap.high")));
+    let interval = ends.map_or_else(String::new, |(low, high)| format!("{} to {}", text(low), text(high)));
+    let training = end(&format!("training.{of}.gap.estimate"));
+    let beside = training.map_or_else(String::new, |gap| format!("on training recordings: {}", text(gap)));
+    Some(Answer { number: text(value), interval, beside })
+}
+
 /// Where a metric of the run ended; its interval where one was measured.
 fn series(known: &Known, name: &str) -> Option<Answer> {
     let run = known.run.as_ref()?;
@@ -175,10 +187,7 @@ fn series(known: &Known, name: &str) -> Option<Answer> {
     let interval = end(".low")
         .zip(end(".high"))
         .map_or_else(String::new, |(low, high)| format!("{} to {}", text(low), text(high)));
-    let beside = end(".train.estimate")
-        .or_else(|| end(".train"))
-        .map_or_else(String::new, |train| format!("on training data: {}", text(train)));
-    Some(Answer { number: text(value), interval, beside })
+    Some(Answer { number: text(value), interval, beside: String::new() })
 }
 
 fn interval(number: &Value) -> String {

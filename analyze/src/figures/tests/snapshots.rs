@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use super::examples;
+use crate::picture::encode::encode_png;
 use crate::picture::png;
 
 /// Dots an inch: text is still legible, and a picture takes some ten kilobytes.

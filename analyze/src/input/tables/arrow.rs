@@ -1,4 +1,4 @@
-//! Arrow IPC files and streams (Feather, polars, pandas, DuckDB), with LZ4 or zstd compression.
+//! Arrow IPC files and streams (Feather, polars, pandas, `DuckDB`), with LZ4 or zstd compression.
 
 use std::collections::BTreeMap;
 use std::fs::File;

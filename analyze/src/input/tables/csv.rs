@@ -47,7 +47,7 @@ fn separator(path: &Path) -> Result<u8, InputError> {
     file.take(HEADER as u64).read_to_end(&mut head).map_err(InputError::io(path))?;
     let packed = head.starts_with(&[0x1F, 0x8B]) || head.starts_with(&[0x28, 0xB5, 0x2F, 0xFD]);
     let line = head.split(|&b| b == b'\n').next().unwrap_or_default();
-    if !packed && line.iter().any(|&b| b == 0) {
+    if !packed && line.contains(&0) {
         return Err(not_a_table(path, "a file of another kind"));
     }
     let count = |separator: u8| line.iter().filter(|&&b| b == separator).count();

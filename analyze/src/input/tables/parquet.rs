@@ -1,4 +1,4 @@
-//! Parquet files, with any of the compressions that pandas, polars, DuckDB and Spark write.
+//! Parquet files, with any of the compressions that pandas, polars, `DuckDB` and Spark write.
 
 use std::collections::BTreeMap;
 use std::fs::File;
