@@ -1,0 +1,69 @@
+//! Recordings can be moved together with what they name: no path in a manifest is absolute, and each is found again from the recording's own folder.
+
+#![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
+
+#[path = "process/run.rs"]
+mod run;
+
+use std::fs;
+use std::path::Path;
+
+use run::works;
+
+/// Two videos of six frames each, as pictures that differ.
+fn write_videos(folder: &Path) {
+    for (video, green) in [("one", 40), ("two", 200)] {
+        fs::create_dir_all(folder.join(video)).unwrap();
+        for frame in 0..6_u8 {
+            let picture = image::RgbImage::from_pixel(32, 32, image::Rgb([frame * 40, green, 90]));
+            picture.save(folder.join(video).join(format!("{frame}.png"))).unwrap();
+        }
+    }
+}
+
+/// Every manifest below a folder, none of which names a path that would be another on another machine.
+fn no_path_is_absolute(folder: &Path, home: &Path) {
+    let mut manifests = 0;
+    for (name, bytes) in run::files(folder) {
+        if name.ends_with("manifest.json") || name.ends_with("metadata.json") || name.ends_with("recording.json") {
+            let text = String::from_utf8(bytes).unwrap();
+            assert!(!text.contains(home.to_str().unwrap()), "{name}: {text}");
+            manifests += 1;
+        }
+    }
+    assert!(manifests > 0);
+}
+
+#[test]
+fn a_recording_moves_with_its_videos_and_its_actions() {
+    let folder = tempfile::tempdir().unwrap();
+    let home = folder.path().canonicalize().unwrap();
+    let here = home.join("here");
+    write_videos(&here.join("sets/films"));
+    fs::write(here.join("actions.json"), "[[0.5, -0.5], [0.1, 0.2], [0.0, 0.0]]").unwrap();
+    let videos = here.join("sets/films");
+    let common = format!("--videos {} --video-count 2 --steps 3 --size 24 --no-mcap -q", videos.display());
+    let actions = here.join("actions.json");
+    works(&here, &format!("--policy actions:{} --episodes 2 {common} -o recordings/r", actions.display()));
+    works(&here, &format!("--policy random --episodes 2 --seed 3 {common} -o plain"));
+    // Taken to other depths, and put together.
+    works(&here, "filter recordings/r --max-return 1000 -o deep/er/part");
+    works(&here, "merge recordings/r plain -o merged");
+    works(&here, "export recordings/r --format minari -o sets/deep/r-v0");
+    works(&here, "import sets/deep/r-v0 --format minari -o back");
+    works(&here, "export plain --format parquet -o tables");
+    no_path_is_absolute(&here, &home);
+
+    let there = home.join("far/away");
+    fs::create_dir_all(home.join("far")).unwrap();
+    fs::rename(&here, &there).unwrap();
+    for recording in ["recordings/r", "plain", "deep/er/part", "merged", "back"] {
+        let said = works(&home, &format!("verify far/away/{recording}"));
+        assert!(said.contains("0 findings") && !said.contains("recorded elsewhere"), "{recording}: {said}");
+    }
+    works(&home, "extend far/away/recordings/r --episodes 3");
+    works(&home, "render far/away/recordings/r --size 16 -o elsewhere");
+    assert!(works(&home, "verify elsewhere").contains("0 findings"));
+    no_path_is_absolute(&there, &home);
+    no_path_is_absolute(&home.join("elsewhere"), &home);
+}
