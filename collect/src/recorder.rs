@@ -57,9 +57,12 @@ pub struct RecordRun<'a> {
     pub stop: &'a AtomicBool,
 }
 
-/// Makes a policy for a task; called once a worker thread and policy.
+/// A function that makes a policy, as asked for, for a task in an environment of these options.
+type MakePolicy<'a> = dyn Fn(&PolicySpec, &str, EnvironmentOptions) -> Result<Box<dyn Policy>> + Sync + 'a;
+
+/// Makes the policies of a recording; called once a worker thread and policy.
 #[derive(Clone, Copy)]
-pub struct PolicyMaker<'a>(pub &'a (dyn Fn(&PolicySpec, &str, EnvironmentOptions) -> Result<Box<dyn Policy>> + Sync));
+pub struct PolicyMaker<'a>(pub &'a MakePolicy<'a>);
 
 impl std::fmt::Debug for PolicyMaker<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

@@ -1,8 +1,8 @@
 //! Episodes as Dreamer, DreamerV2 and V-D4RL keep them: a `.npz` file each, with `image` `[L, 64, 64, 3]`, `action` `[L, A]`, `reward` `[L]`, and where there
-//! are any `discount`, `is_first`, `is_last`, `is_terminal` and vector observations `[L, n]`; and the replay chunks of DreamerV3.
+//! are any `discount`, `is_first`, `is_last`, `is_terminal` and vector observations `[L, n]`; and the replay chunks of `DreamerV3`.
 //!
 //! **Alignment.** In all of them the reward of row t is the one that came with observation t, so that our `r_t` is their row t + 1. The action differs
-//! ([`Convention`]). A file with several `is_first` holds several episodes; an episode of DreamerV3 may go on in the next chunk ([`chains`]).
+//! ([`Convention`]). A file with several `is_first` holds several episodes; an episode of `DreamerV3` may go on in the next chunk ([`chains`]).
 
 mod chains;
 mod rows;
@@ -149,7 +149,7 @@ impl Chunk {
             reward,
         };
         for name in file.names().into_iter().filter(|name| !KNOWN.contains(&name.as_str())) {
-            // DreamerV3 keeps the agent's own state beside the observations, under names such as dyn/deter.
+            // `DreamerV3` keeps the agent's own state beside the observations, under names such as dyn/deter.
             if name.starts_with("log_") || (convention == Convention::ActionAfter && name.contains('/')) {
                 chunk.ignored.insert(name);
                 continue;

@@ -1,4 +1,4 @@
-//! Which files follow each other. A file of Dreamer or DreamerV2 (`TIME-ID-LENGTH.npz`, or any other name) stands for itself; a replay chunk of DreamerV3
+//! Which files follow each other. A file of Dreamer or DreamerV2 (`TIME-ID-LENGTH.npz`, or any other name) stands for itself; a replay chunk of `DreamerV3`
 //! (`TIME-ID-NEXT-LENGTH.npz`, `embodied/replay/chunk.py`) names the chunk that goes on where it ends.
 
 use std::collections::{BTreeMap, BTreeSet};

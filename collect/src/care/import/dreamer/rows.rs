@@ -9,7 +9,7 @@ use super::super::without_distractors;
 pub(super) enum Convention {
     /// The one that led to observation t; row 0 has zeros. Dreamer, DreamerV2, V-D4RL.
     ActionBefore,
-    /// The one that was chosen after observation t, as here; the last row's is never executed. DreamerV3.
+    /// The one that was chosen after observation t, as here; the last row's is never executed. `DreamerV3`.
     ActionAfter,
 }
 
