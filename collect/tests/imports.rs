@@ -12,6 +12,7 @@ mod synthetic;
 use std::fs;
 use std::path::Path;
 
+use hdf5_pure::{Datatype, DatatypeByteOrder, FileBuilder, FloatingPointLayout};
 use vibes_collect::care::export::{ExportFormat, export};
 use vibes_collect::care::import::{ImportFormat, ImportOptions, import};
 use vibes_data::{Episode, Recording, RecordingWriter, verify_recording};
@@ -196,4 +197,85 @@ fn an_episode_without_a_step_is_left_out_and_said() {
     let back = within.path().join("back");
     let (back, _) = import(ImportFormat::Minari, &minari, &ImportOptions::default(), &back).unwrap();
     assert_eq!(back.episodes().iter().map(|entry| entry.index).collect::<Vec<_>>(), [0, 2]);
+}
+
+/// A Minari dataset of one episode of two steps in HDF5, its pictures as given and its speed as float16 in either byte order.
+fn hdf5(set: &Path, order: DatatypeByteOrder, pictures: &dyn Fn(&mut hdf5_pure::GroupBuilder)) {
+    let layout = FloatingPointLayout {
+        bit_offset: 0,
+        bit_precision: 16,
+        exponent_location: 10,
+        exponent_size: 5,
+        mantissa_location: 0,
+        mantissa_size: 10,
+        exponent_bias: 15,
+    };
+    let bytes = |value: f32| {
+        let half = half::f16::from_f32(value);
+        if order == DatatypeByteOrder::BigEndian { half.to_be_bytes() } else { half.to_le_bytes() }
+    };
+    let speed: Vec<u8> = [0.25, 0.5, -1.5].into_iter().flat_map(bytes).collect();
+    let mut file = FileBuilder::new();
+    let mut episode = file.create_group("episode_0");
+    let mut observations = episode.create_group("observations");
+    let half = Datatype::FloatingPoint { size: 2, byte_order: order, layout };
+    observations.create_dataset("speed").with_raw_data(half, speed, 3);
+    pictures(&mut observations);
+    episode.add_group(observations.finish());
+    episode.create_dataset("actions").with_f32_data(&[0.5, -0.5]).with_shape(&[2, 1]);
+    episode.create_dataset("rewards").with_f64_data(&[1.0, 2.0]);
+    for name in ["terminations", "truncations"] {
+        episode.create_dataset(name).with_u8_data(&[0, 0]);
+    }
+    file.add_group(episode.finish());
+    fs::write(set.join("main_data.hdf5"), file.finish().unwrap()).unwrap();
+    let observations = r#"{"type": "Dict", "subspaces": {
+        "eye": {"type": "Box", "dtype": "uint8", "shape": [16, 16, 3], "low": 0, "high": 255},
+        "speed": {"type": "Box", "dtype": "float16", "shape": [1], "low": [-Infinity], "high": [Infinity]}}}"#;
+    let action = r#"{"type": "Box", "dtype": "float32", "shape": [1], "low": [-1.0], "high": [1.0]}"#;
+    let metadata = serde_json::json!({
+        "total_episodes": 1, "data_format": "hdf5", "observation_space": observations, "action_space": action,
+    });
+    fs::write(set.join("metadata.json"), metadata.to_string()).unwrap();
+}
+
+fn read_minari(set: &Path) -> Result<Episode, String> {
+    let out = set.with_extension("recording");
+    let _ = fs::remove_dir_all(&out);
+    let read = import(ImportFormat::Minari, set, &ImportOptions::default(), &out).map_err(|error| error.to_string())?;
+    Ok(episodes(&read.0).remove(0))
+}
+
+#[test]
+fn jpegs_of_one_length_and_float16_are_read_from_hdf5() {
+    let within = tempfile::tempdir().unwrap();
+    let mut jpeg = std::io::Cursor::new(Vec::new());
+    let picture = image::RgbImage::from_pixel(16, 16, image::Rgb([200, 100, 50]));
+    picture.write_to(&mut jpeg, image::ImageFormat::Jpeg).unwrap();
+    let jpeg = jpeg.into_inner();
+    let rows = |count: usize, bytes: &[u8]| bytes.repeat(count);
+    for (name, order) in [("little", DatatypeByteOrder::LittleEndian), ("big", DatatypeByteOrder::BigEndian)] {
+        let set = folder(within.path(), name);
+        hdf5(&set, order, &|group| {
+            group.create_dataset("eye").with_u8_data(&rows(3, &jpeg)).with_shape(&[3, jpeg.len() as u64]);
+        });
+        let episode = read_minari(&set).unwrap();
+        assert_eq!(episode.observations, [0.25, 0.5, -1.5]);
+        assert_eq!(episode.pixels.len(), 3 * 16 * 16 * 3);
+        let is_close = |rgb: &[u8]| rgb.iter().zip([200_u8, 100, 50]).all(|(&got, made)| got.abs_diff(made) < 4);
+        assert!(episode.pixels.chunks(3).all(is_close));
+    }
+    let set = folder(within.path(), "cut");
+    let cut = &jpeg[..jpeg.len() / 2];
+    hdf5(&set, DatatypeByteOrder::LittleEndian, &|group| {
+        group.create_dataset("eye").with_u8_data(&rows(3, cut)).with_shape(&[3, cut.len() as u64]);
+    });
+    let error = read_minari(&set).unwrap_err();
+    assert!(error.contains("cut off") && error.contains("episode 0"), "{error}");
+    let set = folder(within.path(), "float");
+    hdf5(&set, DatatypeByteOrder::LittleEndian, &|group| {
+        group.create_dataset("eye").with_f32_data(&[0.5; 3 * 768]).with_shape(&[3, 16, 16, 3]);
+    });
+    let error = read_minari(&set).unwrap_err();
+    assert!(error.contains("float32, not uint8"), "{error}");
 }

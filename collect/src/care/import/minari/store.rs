@@ -235,10 +235,9 @@ fn from_hdf5(dataset: &hdf5_pure::Dataset, file_bytes: u64) -> std::result::Resu
         DType::U64 => (Kind::U64, all(dataset.read_u64().map_err(text)?, u64::to_le_bytes)),
         // NumPy's bool is stored as the enumeration FALSE, TRUE.
         DType::Enum(_) if element == 1 => (Kind::Bool, dataset.read_raw().map_err(text)?),
-        // The only float of two bytes that NumPy writes.
-        DType::Other(other) if element == 2 && float_order(&other).is_some() => {
+        DType::Other(other) if half_order(&other).is_some() => {
             let mut data = dataset.read_raw().map_err(text)?;
-            if float_order(&other) == Some(DatatypeByteOrder::BigEndian) {
+            if half_order(&other) == Some(DatatypeByteOrder::BigEndian) {
                 data.chunks_exact_mut(2).for_each(<[u8]>::reverse);
             }
             (Kind::F16, data)
@@ -252,10 +251,10 @@ fn from_hdf5(dataset: &hdf5_pure::Dataset, file_bytes: u64) -> std::result::Resu
     Array::new(kind, shape.clone(), data).ok_or_else(|| format!("fewer numbers than its shape {shape:?}"))
 }
 
-/// The order of a float's bytes; none for another type.
-fn float_order(of: &Datatype) -> Option<DatatypeByteOrder> {
+/// The order of a float16's bytes; none for another type, such as a bfloat16.
+fn half_order(of: &Datatype) -> Option<DatatypeByteOrder> {
     match of {
-        Datatype::FloatingPoint { byte_order, .. } => Some(*byte_order),
+        Datatype::FloatingPoint { size: 2, byte_order, layout } if layout.exponent_size == 5 => Some(*byte_order),
         _ => None,
     }
 }
