@@ -67,7 +67,16 @@ fn shared() -> Result<&'static Shared> {
         draw_without_rasteriser_threads();
         open("libEGL.so.1")
     };
-    SHARED.get_or_init(open).as_ref().map_err(|fact| Error::NoEgl { fact: fact.clone() })
+    SHARED.get_or_init(open).as_ref().map_err(|fact| refused(fact))
+}
+
+/// A device that was asked for and cannot draw is the user's to mend; anything else is EGL's.
+fn refused(fact: &str) -> Error {
+    let fact = fact.to_owned();
+    if fact.contains(DEVICE) {
+        return Error::Render { fact, expected: "name another device, or none for the first that opens".to_owned() };
+    }
+    Error::NoEgl { fact }
 }
 
 /// See the module.
@@ -208,6 +217,7 @@ mod tests {
         {
             let fact = device_number(text, count).unwrap_err();
             assert!(fact.contains(said) && fact.contains(DEVICE), "{fact}");
+            assert!(refused(&fact).to_string().contains("another device"), "no advice to install what is there");
         }
     }
 
