@@ -6,7 +6,7 @@
 export CARGO_TARGET_DIR ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/vibes-toolkit/target
 export PATH := $(CARGO_TARGET_DIR)/debug:$(PATH)
 
-.PHONY: setup build demo test check bench stress gpu-test
+.PHONY: setup build demo demo-online test check bench stress gpu-test
 
 setup: ## MuJoCo, the suite's models, EGL
 	@setup/fetch.sh
@@ -18,6 +18,9 @@ build: setup
 
 demo: build
 	@demo/run.sh
+
+demo-online: build ## ten minutes: an agent that learns in the environment, above a random policy
+	@demo/online.sh
 
 check: setup ## formatting, lints, links, dependency fence
 	cargo fmt --all --check

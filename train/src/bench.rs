@@ -16,6 +16,10 @@ use crate::learners::world::{Learner, Phases};
 use crate::options::Options;
 use crate::windows::{Source, Windows};
 
+mod online;
+
+pub use online::{OnlineReport, bench_online};
+
 /// Sizes of what is made up.
 #[derive(Debug, Clone, Copy)]
 pub struct Sizes {

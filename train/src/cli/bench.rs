@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::Args;
 use vibes_data::Recording;
-use vibes_train::bench::{Sizes, bench};
+use vibes_train::bench::{Sizes, bench, bench_online};
+use vibes_train::online::prepare::{default_options, default_world};
+use vibes_train::options::Options;
 
 use super::Context;
 use super::flags::OptionArgs;
@@ -23,12 +25,18 @@ pub(crate) struct BenchArgs {
     /// Updates to time; the median counts.
     #[arg(long, default_value_t = 5)]
     repeats: usize,
+    /// Measure online training too: the whole update with actor and critic, and an episode of this task.
+    #[arg(long, value_name = "TASK", num_args = 0..=1, default_missing_value = "cartpole-swingup")]
+    online: Option<String>,
     #[command(flatten)]
     options: OptionArgs,
 }
 
 pub(crate) fn run(context: &Context, args: &BenchArgs) -> Result<()> {
     let options = args.options.resolve()?;
+    if let Some(task) = &args.online {
+        return online(context, args, &options, task);
+    }
     let sizes = Sizes { picture: args.size, actions: args.actions, repeats: args.repeats };
     let recording = args.recording.as_ref().map(|path| Recording::open(path)).transpose()?;
     let report = bench(&options, sizes, recording.as_ref(), &context.device.open()?)?;
@@ -52,5 +60,29 @@ pub(crate) fn run(context: &Context, args: &BenchArgs) -> Result<()> {
     if let Some(rate) = report.sampling_gigabytes_per_second {
         println!("  {:<30}{rate:8.2} GB/s", "window sampling");
     }
+    Ok(())
+}
+
+fn online(context: &Context, args: &BenchArgs, options: &Options, task: &str) -> Result<()> {
+    let settings = default_options(default_world(task)?, false);
+    let report = bench_online(options, &settings, args.repeats, &context.device.open()?)?;
+    if context.json {
+        println!("{}", serde_json::to_string(&report)?);
+        return Ok(());
+    }
+    let (batch, length, horizon) = (options.batch, options.length, settings.behaviour.horizon);
+    println!("{} online on {task}, batch {batch} × {length}, horizon {horizon}", options.objective);
+    println!("  {:<32}{:8.1} ms", "whole update", report.update_ms);
+    println!("  {:<32}{:8.1} ms", "world model", report.world_ms);
+    println!("  {:<32}{:8.1} ms", "actor and critic", report.behaviour_ms);
+    for part in &report.parts {
+        println!("    {:<30}{:8.1} ms", part.name, part.ms);
+    }
+    println!("  {:<32}{:8.2} ms", "acting, networks, a step", report.acting_ms);
+    println!("  {:<32}{:8.2} ms", "acting, simulation and drawing", report.step_ms);
+    println!(
+        "  {:.0} control steps a second at {:.1} updates an agent step with a core for each thread; the {} is waited for",
+        report.control_steps_per_second, report.updates_per_step, report.waited_for
+    );
     Ok(())
 }

@@ -4,6 +4,8 @@
 //! Imagination starts from every counted row. The actor maximises the λ-returns of its actions, by the gradient that flows back through the frozen dynamics
 //! and reward model or by REINFORCE; the critic predicts them. Neither's gradient reaches the world model.
 
+use std::time::Instant;
+
 use burn::module::Module;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use rand::Rng;
@@ -69,6 +71,19 @@ pub struct BehaviourMeasures {
     pub actor_gradient_norm: Option<f32>,
     /// Norm of the critic's gradient before it was limited.
     pub critic_gradient_norm: f32,
+    /// Where the time went.
+    pub phases: BehaviourPhases,
+}
+
+/// Milliseconds of the parts of an update of actor and critic.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct BehaviourPhases {
+    /// Starts, noise, imagination, values and returns, forward.
+    pub imagine: f64,
+    /// The actor's loss, its way back through imagination, Adam.
+    pub actor: f64,
+    /// The critic's loss, backward, Adam, the slow copy.
+    pub critic: f64,
 }
 
 /// Imagined rows with what they are worth.
@@ -106,6 +121,7 @@ impl BehaviourLearner {
         actor_learns: bool,
         rng: &mut impl Rng,
     ) -> Result<(Self, BehaviourMeasures)> {
+        let begun = Instant::now();
         let (dynamics, reward) = (world.dynamics.valid(), world.reward.valid());
         let chosen = rows.chosen(options.every_start);
         let starts = rows.starts(&chosen, &self.device);
@@ -127,15 +143,20 @@ impl BehaviourLearner {
         };
         finite("the mean imagined return", measures.imagined_return)?;
         let features = judged.imagined.features.clone().inner();
+        measures.phases.imagine = ms(begun);
+        let begun = Instant::now();
         if actor_learns {
             let loss = self.actor_loss(judged, &noise, divisor, options);
             measures.actor_gradient_norm = Some(self.actor_step(&loss, options)?);
         }
+        measures.phases.actor = ms(begun);
+        let begun = Instant::now();
         let replayed =
             if options.replay_value > 0.0 { self.replay_targets(rows, &chosen, &numbers, options) } else { None };
         let loss = self.critic_loss(features, returns, replayed, divisor, options);
         measures.critic_loss = finite("the critic's loss", scalar(loss.clone().inner()))?;
         measures.critic_gradient_norm = self.critic_step(&loss, options)?;
+        measures.phases.critic = ms(begun);
         Ok((self, measures))
     }
 
@@ -311,6 +332,10 @@ impl Replayed {
 
 fn mean(values: &[f32]) -> f32 {
     (values.iter().map(|&value| f64::from(value)).sum::<f64>() / values.len().max(1) as f64) as f32
+}
+
+fn ms(begun: Instant) -> f64 {
+    begun.elapsed().as_secs_f64() * 1e3
 }
 
 fn scalar(value: Tensor<1>) -> f32 {
