@@ -47,7 +47,7 @@ pub mod prepare;
 pub mod protocol;
 pub mod world;
 
-use actor::{ActorThread, EpisodeKind, Task, episode_seed};
+use actor::{ActorThread, EpisodeKind, Lived, Task, episode_seed};
 use evaluate::Evaluation;
 use options::OnlineOptions;
 
@@ -116,8 +116,9 @@ pub struct Line {
     pub agent_steps: u64,
     /// Episodes admitted.
     pub episodes: u32,
-    /// Return of the episode admitted at the end of the round, exploration included.
-    pub training_return: f64,
+    /// Return of the episode admitted at the end of the round, exploration included; none for the updates before the first episode.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub training_return: Option<f64>,
     /// The world model.
     #[serde(flatten)]
     pub world: Row,
@@ -243,7 +244,11 @@ impl Training<'_> {
         self.evaluate(&learner, &behaviour, listen)?;
         let first = options.first_updates.saturating_sub(self.state.updates);
         if first > 0 {
-            (learner, behaviour) = self.updates(learner, behaviour, first, listen)?.0;
+            let (learners, round, _) = self.updates(learner, behaviour, first, listen)?;
+            (learner, behaviour) = learners;
+            let line = self.line(&round, None, 1.0, 0.0);
+            self.session.log(&line)?;
+            listen(Event::Metrics(&line));
             self.save(&learner, &behaviour, listen)?;
         }
         loop {
@@ -271,8 +276,7 @@ impl Training<'_> {
             let control_steps = self.state.control_steps;
             let mut go = [go, listen(Event::Lived { control_steps, episode_return: lived.episode_return })];
             if !round.measures.is_empty() {
-                let shares = [waited, lived.seconds].map(|part| part / seconds);
-                let line = self.line(&round, lived.episode_return, seconds, shares);
+                let line = self.line(&round, Some(lived), seconds, waited);
                 self.session.log(&line)?;
                 go[0] = listen(Event::Metrics(&line));
             }
@@ -348,7 +352,7 @@ impl Training<'_> {
         })
     }
 
-    fn line(&mut self, round: &Round, training_return: f64, seconds: f64, [waited, acting]: [f64; 2]) -> Line {
+    fn line(&mut self, round: &Round, lived: Option<Lived>, seconds: f64, waited: f64) -> Line {
         let options = self.setup.options;
         let count = round.measures.len() as f64;
         let mean = |of: &dyn Fn(&BehaviourMeasures) -> f32| {
@@ -363,7 +367,7 @@ impl Training<'_> {
             control_steps: self.state.control_steps,
             agent_steps: self.state.agent_steps,
             episodes: self.state.episodes,
-            training_return,
+            training_return: lived.map(|lived| lived.episode_return),
             world: self.session.take_row(),
             imagined_return: mean(&|measures| measures.imagined_return),
             value,
@@ -377,9 +381,9 @@ impl Training<'_> {
             foreseen_reward: foresight.map_or(0.0, |foresight| foresight.imagined),
             recorded_reward: foresight.map_or(0.0, |foresight| foresight.recorded),
             foresight: foresight.and_then(|foresight| foresight.correlation),
-            control_steps_per_second: f64::from(options.world.steps) * repeat / seconds,
-            waiting_for_actor_share: waited,
-            acting_share: acting,
+            control_steps_per_second: lived.map_or(0.0, |lived| f64::from(lived.steps) * repeat / seconds),
+            waiting_for_actor_share: waited / seconds,
+            acting_share: lived.map_or(0.0, |lived| lived.seconds / seconds),
         }
     }
 

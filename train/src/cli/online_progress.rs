@@ -98,11 +98,11 @@ impl OnlineProgress {
 }
 
 fn summary(line: &Line) -> String {
+    let returned = line.training_return.map_or(String::new(), |returned| format!(", return {returned:.1}"));
     format!(
-        "{} agent steps, {:.0} control steps/s, return {:.1}, imagined {:.1}, value/bound {:.2}, entropy {:.2}, dynamics {:.1}, reward {:.2}, rank {:.1}",
+        "{} agent steps, {:.0} control steps/s{returned}, imagined {:.1}, value/bound {:.2}, entropy {:.2}, dynamics {:.1}, reward {:.2}, rank {:.1}",
         line.agent_steps,
         line.control_steps_per_second,
-        line.training_return,
         line.imagined_return,
         line.value_over_bound,
         line.entropy,
