@@ -70,12 +70,12 @@ fn known_scale(path: &Path, from: Option<&Path>) -> Option<ModelConfig> {
     Some(before.info().model.clone())
 }
 
-/// That the run `from` has weights for this model.
+/// That the run `from` has weights for this model; further heads may differ.
 fn same_model(from: &Path, wanted: &ModelConfig) -> Result<()> {
     let run = Run::open(from)?;
     run.newest_model()?;
     let found = &run.info().model;
-    if found == wanted {
+    if *found == (ModelConfig { heads: found.heads.clone(), ..wanted.clone() }) {
         return Ok(());
     }
     let text = |model: &ModelConfig| serde_json::to_string(model).unwrap_or_default();

@@ -22,10 +22,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use vibes_data::write_atomically;
 use vibes_model::checkpoint::{load_tensors, save_tensors};
-use vibes_model::{Model, ModelConfig};
+use vibes_model::parameters::{HostTensors, read_parameters};
+use vibes_model::{HeadConfig, Model, ModelConfig};
 
 use crate::error::{Result, TrainError, io, malformed};
 use crate::gate::Gate;
@@ -255,12 +258,15 @@ impl Run {
     }
 
     /// What another run begins with that goes on from this one's newest checkpoint under `options`: weights, moments of both optimisers, gate, and how far its
-    /// schedules have come. A checkpoint of weights alone counts as one whose gate is open and whose moments are lost.
+    /// schedules have come. A checkpoint of weights alone counts as one whose gate is open and whose moments are lost. Heads that `wanted` has and this run
+    /// lacks begin anew, heads that it no longer has are left behind.
     ///
     /// # Errors
     /// Nothing was saved yet, or a file is damaged.
-    pub fn carry_over(&self, options: &Options, device: &Device) -> Result<(Learner, State)> {
-        let model = Model::load(&self.newest_model()?, device)?;
+    pub fn carry_over(&self, options: &Options, wanted: &ModelConfig, device: &Device) -> Result<(Learner, State)> {
+        let heads = Heads { before: &self.info.model.heads, after: &wanted.heads };
+        let (weights, _) = load_tensors(&self.newest_model()?)?;
+        let model = heads.carry(wanted.clone(), weights, &mut ChaCha8Rng::seed_from_u64(options.seed), device)?;
         let newest = self.checkpoints().last().copied().unwrap_or(0);
         let folder = self.checkpoint_path(newest);
         let mut learner = Learner::new(model, options, device);
@@ -269,7 +275,8 @@ impl Run {
             return Ok((learner, State { carried: newest, gate, ..State::default() }));
         }
         let before = read_state(&folder.join("state.json"))?;
-        restore_moments(&mut learner, &folder, before, device)?;
+        let (moments, _) = load_tensors(&folder.join("optimizer.safetensors"))?;
+        restore(&mut learner, &heads.renamed(moments), before, device);
         Ok((learner, State { update: 0, seconds: 0.0, carried: before.carried + before.update, ..before }))
     }
 
@@ -317,9 +324,46 @@ fn read_state(file: &Path) -> Result<State> {
 
 fn restore_moments(learner: &mut Learner, folder: &Path, state: State, device: &Device) -> Result<()> {
     let (moments, _) = load_tensors(&folder.join("optimizer.safetensors"))?;
-    learner.optimizer.restore("world", &moments, state.optimizer_steps, device);
-    learner.adversary_optimizer.restore("adversary", &moments, state.adversary_optimizer_steps, device);
+    restore(learner, &moments, state, device);
     Ok(())
+}
+
+fn restore(learner: &mut Learner, moments: &HostTensors, state: State, device: &Device) {
+    learner.optimizer.restore("world", moments, state.optimizer_steps, device);
+    learner.adversary_optimizer.restore("adversary", moments, state.adversary_optimizer_steps, device);
+}
+
+/// The heads of a model and of the one that goes on from it; they go by their names, their tensors by their places.
+struct Heads<'a> {
+    before: &'a [HeadConfig],
+    after: &'a [HeadConfig],
+}
+
+impl Heads<'_> {
+    /// The model `wanted` with these weights, its further heads as drawn from `rng`.
+    fn carry(&self, wanted: ModelConfig, weights: HostTensors, rng: &mut ChaCha8Rng, device: &Device) -> Result<Model> {
+        let model = Model::init(wanted, rng, device)?;
+        let drawn = read_parameters(&model.world, "world");
+        let mut tensors = self.renamed(weights);
+        for (name, tensor) in drawn.into_iter().filter(|(name, _)| name.starts_with("world.heads.")) {
+            tensors.entry(name).or_insert(tensor);
+        }
+        Ok(model.with_parameters(&tensors)?)
+    }
+
+    /// Tensors by the names that they have in the model that goes on.
+    fn renamed(&self, tensors: HostTensors) -> HostTensors {
+        tensors.into_iter().filter_map(|(name, tensor)| Some((self.rename(&name)?, tensor))).collect()
+    }
+
+    /// `….heads.3.mlp…` with the place of the head of that name and size, nothing if there is none.
+    fn rename(&self, name: &str) -> Option<String> {
+        let Some((front, rest)) = name.split_once("heads.") else { return Some(name.to_owned()) };
+        let (place, tail) = rest.split_once('.')?;
+        let head = self.before.get(place.parse::<usize>().ok()?)?;
+        let place = self.after.iter().position(|other| other == head)?;
+        Some(format!("{front}heads.{place}.{tail}"))
+    }
 }
 
 /// Versions of what the numbers depend on.

@@ -17,7 +17,7 @@ use crate::error::{Result, TrainError};
 use crate::learners::behaviour::Replayed;
 use crate::learners::world::Learner;
 use crate::metrics::{Averages, MetricsFile, Row};
-use crate::options::Options;
+use crate::options::{Options, Schedule};
 use crate::run::{Run, State};
 use crate::tensorboard::EventFile;
 use crate::windows::{Purpose, update_rng};
@@ -75,7 +75,9 @@ impl<'a> Session<'a> {
         let mut noise = update_rng(self.options.seed, number, Purpose::Noise);
         let scheduled = self.state.carried + number;
         self.state.gate = self.state.gate.before(scheduled, self.options.objective.gate(self.options));
-        let schedule = self.options.schedule(scheduled, self.state.gate.opened);
+        // Where Adam's moments are new, the step size rises anew, however far the other schedules have come.
+        let warmed = self.options.schedule(scheduled.min(learner.optimizer.steps()), None).lr;
+        let schedule = Schedule { lr: warmed, ..self.options.schedule(scheduled, self.state.gate.opened) };
         let made = learner.update(&batch, schedule, self.options, &mut noise);
         let (learner, mut measures) = made.map_err(|error| self.run.diverged(error, number))?;
         self.state.gate = self.state.gate.after(f64::from(measures.reward), measures.reward_baseline.map(f64::from));
@@ -151,7 +153,7 @@ pub fn first_learner(
 ) -> Result<(Learner, State)> {
     let options = &run.info().options;
     if let Some(from) = &run.info().from {
-        return Run::open(from)?.carry_over(options, device);
+        return Run::open(from)?.carry_over(options, &run.info().model, device);
     }
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut model = Model::init(run.info().model.clone(), &mut rng, device)?;

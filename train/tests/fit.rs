@@ -222,6 +222,40 @@ fn going_on_from_a_run_carries_moments_gate_and_schedules_over() {
     assert!((weight(&fourth, 0) - 0.8).abs() < 1e-6, "eight of ten, counted from the first update");
 }
 
+/// A term may be added, or left out, on the way: its head begins anew and everything else goes on.
+#[test]
+fn going_on_with_another_term_keeps_all_other_weights() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false)];
+    let go_on = |name: &str, from: Option<&Path>, text: &str| {
+        let path = folder.path().join(name);
+        let run = prepare(&path, &recordings, &options(text), from).unwrap();
+        fit(&run, &recordings, &Device::flex(), None, &mut |_| Go::On).unwrap();
+        path
+    };
+    let still = "updates = 1\nlr = 1e-12\nadversary_lr = 1e-12";
+    let first = go_on("first", None, "updates = 3\ndynamics_after = 0.25");
+    let second = go_on("second", Some(&first), &format!("{still}\ndynamics_after = 0.0\ninverse_weight = 1.0"));
+    let third = go_on("third", Some(&second), &format!("{still}\ndynamics_after = 0.25\ninverse_weight = 1.0"));
+    let tensors = |run: &Path, update: &str, file: &str| {
+        load_tensors(&run.join("checkpoints").join(update).join(file)).unwrap().0
+    };
+    let weights = |run: &Path, update: &str| tensors(run, update, "model.safetensors");
+    let (before, with_term, both) = (weights(&first, "000003"), weights(&second, "000001"), weights(&third, "000001"));
+    let same = |a: &[f32], b: &[f32]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
+    for (name, tensor) in before.iter().filter(|(name, _)| !name.contains(".heads.")) {
+        assert!(same(&tensor.values, &with_term[name].values) && same(&tensor.values, &both[name].values), "{name}");
+    }
+    // The inverse was the only head, and is the second of two now; the baseline is a new one.
+    let (alone, second_of_two) = ("world.heads.0.mlp.first.weight", "world.heads.1.mlp.first.weight");
+    assert!(same(&with_term[alone].values, &both[second_of_two].values));
+    let moments = |run: &Path| tensors(run, "000001", "optimizer.safetensors");
+    let (before, after) = (moments(&second), moments(&third));
+    let pairs = before["world.second.heads.0.mlp.first.weight"].values.iter();
+    let after = &after["world.second.heads.1.mlp.first.weight"].values;
+    assert!(pairs.zip(after).all(|(before, after)| *after >= 0.998 * before));
+}
+
 /// The gate compares with what past actions alone predict, by a head of its own.
 #[test]
 fn rewards_that_actions_alone_tell_do_not_open_the_gate() {
