@@ -7,7 +7,7 @@
 //! ```
 
 use burn::module::{Module, Param};
-use burn::tensor::{Device, Tensor, TensorData, module};
+use burn::tensor::{Device, Tensor, TensorData};
 use rand::Rng;
 
 use crate::init::recurrent_uniform;
@@ -75,9 +75,10 @@ impl Gru {
     /// - `start`: `[batch, hidden]`
     /// - output: `[length, batch, hidden]`, the hidden state after every step
     pub fn forward(&self, x: Tensor<3>, start: Option<Tensor<2>>) -> Tensor<3> {
-        let [_, batch, _] = x.dims();
+        let [length, batch, input] = x.dims();
         let start = start.unwrap_or_else(|| Tensor::zeros([batch, self.hidden()], &x.device()));
-        let gates = module::linear(x, self.w_input.val(), Some(self.b_input.val()));
+        let gates = kernels::linear(x.reshape([length * batch, input]), self.w_input.val(), self.b_input.val());
+        let gates = gates.reshape([length, batch, 3 * self.hidden()]);
         kernels::gru(gates, self.w_hidden.val(), self.b_hidden.val(), start, None)
     }
 }

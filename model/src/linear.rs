@@ -1,10 +1,11 @@
 //! A linear layer over the last axis: `y = x W + b`.
 
 use burn::module::{Module, Param};
-use burn::tensor::{Device, Tensor, module};
+use burn::tensor::{Device, Tensor};
 use rand::Rng;
 
 use crate::init::{constant, he_normal};
+use crate::kernels;
 
 /// Sizes of a [`Linear`] layer.
 #[derive(Debug, Clone, Copy)]
@@ -39,7 +40,11 @@ impl Linear {
     /// - `x`: `[…, input]`
     /// - output: `[…, output]`
     pub fn forward<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
-        module::linear(x, self.weight.val(), Some(self.bias.val()))
+        let mut shape = x.dims();
+        let rows = shape[..D - 1].iter().product::<usize>();
+        let output = kernels::linear(x.reshape([rows, shape[D - 1]]), self.weight.val(), self.bias.val());
+        shape[D - 1] = output.dims()[1];
+        output.reshape(shape)
     }
 
     /// The layer scaled and shifted so that each of its outputs has mean 0 and standard deviation 1 over these inputs; an output that

@@ -4,6 +4,8 @@
 //! parts (a state beside a latent beside an action); each part is padded with zeros to whole panels by itself, so that parts can be read and
 //! written alone.
 
+use rayon::prelude::*;
+
 use super::instructions::Instructions;
 use super::memory::Buffer;
 use super::product::{Left, PANEL};
@@ -35,6 +37,20 @@ impl Sheet {
     /// All zeros.
     pub(super) fn zeros(panels: usize, rows: usize) -> Self {
         Self { rows, data: Buffer::zeros(panels * rows * PANEL) }
+    }
+
+    /// Row-major numbers `[rows, width]` in panels.
+    pub(super) fn of(numbers: &[f32], rows: usize, width: usize) -> Self {
+        let mut sheet = Self::stale(panels(width), rows);
+        sheet.fill((0, 0, rows), width, |row| &numbers[row * width..(row + 1) * width]);
+        sheet
+    }
+
+    /// The `width` numbers of every row, row-major, from the first panel on.
+    pub(super) fn numbers(&self, width: usize) -> Vec<f32> {
+        let mut out = vec![0.0; self.rows * width];
+        out.chunks_exact_mut(width).enumerate().for_each(|(row, out)| self.read(0, row, width, out));
+        out
     }
 
     pub(super) fn rows(&self) -> usize {
@@ -112,39 +128,57 @@ pub(super) struct Dense {
     bias: Buffer,
 }
 
-/// Where each column of a matrix in parts lies once every part is padded.
-fn places(parts: &[usize]) -> Vec<usize> {
-    let mut places = Vec::with_capacity(parts.iter().sum());
-    let mut first = 0;
+/// Columns of a matrix in parts that lie side by side in one panel, from its first column on.
+#[derive(Debug, Clone, Copy)]
+struct Piece {
+    /// The panel.
+    panel: usize,
+    /// The first of the columns.
+    column: usize,
+    /// How many.
+    len: usize,
+}
+
+fn pieces(parts: &[usize]) -> Vec<Piece> {
+    let mut pieces = Vec::with_capacity(panels_of(parts));
+    let mut column = 0;
     for &part in parts {
-        places.extend(first..first + part);
-        first += panels(part) * PANEL;
+        for start in (0..part).step_by(PANEL) {
+            let len = PANEL.min(part - start);
+            pieces.push(Piece { panel: pieces.len(), column: column + start, len });
+        }
+        column += part;
     }
-    places
+    pieces
 }
 
 impl Dense {
     /// Packs `weight` `[inputs, outputs]` and `bias` `[outputs]`, both of whose columns come in parts. The pass back is packed only if it will be needed.
     pub(super) fn pack(weight: &[f32], bias: &[f32], ins: &[usize], outs: &[usize], with_backward: bool) -> Self {
-        let (rows, columns) = (places(ins), places(outs));
-        let (in_panels, out_panels) = (panels_of(ins), panels_of(outs));
+        let (rows, columns) = (pieces(ins), pieces(outs));
+        let (in_panels, out_panels, width) = (rows.len(), columns.len(), outs.iter().sum::<usize>());
         let mut forward = Buffer::zeros(in_panels * out_panels * PANEL * PANEL);
-        let mut backward = Buffer::zeros(if with_backward { forward.len() } else { 0 });
-        for (&row, numbers) in rows.iter().zip(weight.chunks_exact(columns.len())) {
-            for (&column, &number) in columns.iter().zip(numbers) {
-                forward[((column / PANEL) * in_panels * PANEL + row) * PANEL + column % PANEL] = number;
+        for (input, row) in rows.iter().flat_map(|input| (0..input.len).map(move |row| (input, row))) {
+            let numbers = &weight[(input.column + row) * width..][..width];
+            for output in &columns {
+                let place = ((output.panel * in_panels + input.panel) * PANEL + row) * PANEL;
+                forward[place..place + output.len].copy_from_slice(&numbers[output.column..][..output.len]);
             }
         }
+        let mut backward = Buffer::zeros(if with_backward { forward.len() } else { 0 });
         if with_backward {
-            for (&row, numbers) in rows.iter().zip(weight.chunks_exact(columns.len())) {
-                for (&column, &number) in columns.iter().zip(numbers) {
-                    backward[((row / PANEL) * out_panels * PANEL + column) * PANEL + row % PANEL] = number;
+            for (input, output) in rows.iter().flat_map(|input| columns.iter().map(move |output| (input, output))) {
+                let place = (input.panel * out_panels + output.panel) * PANEL * PANEL;
+                let block = &mut backward[place..place + PANEL * PANEL];
+                for row in 0..input.len {
+                    let numbers = &weight[(input.column + row) * width + output.column..][..output.len];
+                    numbers.iter().enumerate().for_each(|(column, number)| block[column * PANEL + row] = *number);
                 }
             }
         }
         let mut padded = Buffer::zeros(out_panels * PANEL);
-        for (&column, &number) in columns.iter().zip(bias) {
-            padded[column] = number;
+        for output in &columns {
+            padded[output.panel * PANEL..][..output.len].copy_from_slice(&bias[output.column..][..output.len]);
         }
         Self { ins: ins.to_vec(), outs: outs.to_vec(), forward, backward, bias: padded }
     }
@@ -199,30 +233,85 @@ impl Dense {
         (weight, bias): (&mut [f32], &mut [f32]),
         instructions: Instructions,
     ) {
-        let (rows, columns) = (places(&self.ins), places(&self.outs));
+        let width = self.outs.iter().sum::<usize>();
+        let columns = pieces(&self.outs);
         let mut square = [0.0_f32; PANEL * PANEL];
-        for j in 0..self.out_panels() {
-            let right = gradient.part(j, 0, count);
-            let mine: Vec<(usize, usize)> = columns
-                .iter()
-                .enumerate()
-                .filter(|(_, place)| *place / PANEL == j)
-                .map(|(c, p)| (c, p % PANEL))
-                .collect();
-            for i in 0..panels_of(&self.ins) {
-                Left::turned(x.part(first + i, 0, count), count).times(right, PANEL, &mut square, false, instructions);
-                for (row, place) in rows.iter().enumerate().filter(|(_, place)| *place / PANEL == i) {
-                    for &(column, lane) in &mine {
-                        weight[row * columns.len() + column] += square[(place % PANEL) * PANEL + lane];
-                    }
-                }
-            }
-            for numbers in right.chunks_exact(PANEL) {
-                for &(column, lane) in &mine {
-                    bias[column] += numbers[lane];
+        for input in pieces(&self.ins) {
+            let x = x.part(first + input.panel, 0, count);
+            for output in &columns {
+                let right = gradient.part(output.panel, 0, count);
+                Left::turned(x, count).times(right, PANEL, &mut square, false, instructions);
+                for (row, numbers) in square.chunks_exact(PANEL).enumerate().take(input.len) {
+                    let weight = &mut weight[(input.column + row) * width + output.column..][..output.len];
+                    weight.iter_mut().zip(numbers).for_each(|(sum, number)| *sum += number);
                 }
             }
         }
+        for output in &columns {
+            let bias = &mut bias[output.column..][..output.len];
+            for numbers in gradient.part(output.panel, 0, count).chunks_exact(PANEL) {
+                bias.iter_mut().zip(numbers).for_each(|(sum, number)| *sum += number);
+            }
+        }
+    }
+
+    /// All rows of `x`, panels of the outputs shared among the cores.
+    pub(super) fn forward_everywhere(&self, x: &Sheet, instructions: Instructions) -> Sheet {
+        let (count, inner) = (x.rows, panels_of(&self.ins));
+        let mut out = Sheet::stale(self.out_panels(), count);
+        let weights = self.forward.par_chunks_exact(inner * PANEL * PANEL);
+        let biases = self.bias.par_chunks_exact(PANEL);
+        out.data.par_chunks_exact_mut(count * PANEL).zip(weights).zip(biases).for_each(|((place, weights), bias)| {
+            x.left(0, inner, 0).times(weights, count, place, false, instructions);
+            instructions.run(
+                #[inline(always)]
+                || finish(place, bias, Activation::None),
+            );
+        });
+        out
+    }
+
+    /// The gradient of all rows of the inputs, its panels shared among the cores.
+    pub(super) fn backward_everywhere(&self, gradient: &Sheet, instructions: Instructions) -> Sheet {
+        let (count, inner) = (gradient.rows, self.out_panels());
+        let mut into = Sheet::stale(panels_of(&self.ins), count);
+        let weights = self.backward.par_chunks_exact(inner * PANEL * PANEL);
+        into.data.par_chunks_exact_mut(count * PANEL).zip(weights).for_each(|(place, weights)| {
+            gradient.left(0, inner, 0).times(weights, count, place, false, instructions);
+        });
+        into
+    }
+
+    /// The gradients of weight `[inputs, outputs]` and bias `[outputs]` over all rows, for a layer whose inputs come in one part; rows of weights are shared among
+    /// the cores.
+    pub(super) fn learn_everywhere(
+        &self,
+        x: &Sheet,
+        gradient: &Sheet,
+        instructions: Instructions,
+    ) -> (Vec<f32>, Vec<f32>) {
+        let (count, width) = (x.rows, self.outs.iter().sum::<usize>());
+        let columns = pieces(&self.outs);
+        let mut weight = vec![0.0; self.ins.iter().sum::<usize>() * width];
+        weight.par_chunks_mut(PANEL * width).enumerate().for_each(|(panel, weight)| {
+            let mut square = [0.0_f32; PANEL * PANEL];
+            let x = x.part(panel, 0, count);
+            for output in &columns {
+                let right = gradient.part(output.panel, 0, count);
+                Left::turned(x, count).times(right, PANEL, &mut square, false, instructions);
+                for (weight, numbers) in weight.chunks_exact_mut(width).zip(square.chunks_exact(PANEL)) {
+                    weight[output.column..][..output.len].copy_from_slice(&numbers[..output.len]);
+                }
+            }
+        });
+        let mut bias = vec![0.0; width];
+        for output in &columns {
+            let bias = &mut bias[output.column..][..output.len];
+            for numbers in gradient.part(output.panel, 0, count).chunks_exact(PANEL) {
+                bias.iter_mut().zip(numbers).for_each(|(sum, number)| *sum += number);
+            }
+        }
+        (weight, bias)
     }
 }
 

@@ -20,8 +20,13 @@ use crate::kernels::flex::{self, Followed};
 use crate::kernels::instructions::Instructions;
 use crate::kernels::sheet::{Activation, Dense, Sheet, panels, through_elu};
 
-/// Rows of one lane.
+/// Rows of one lane, where there are many.
 const ROWS: usize = 240;
+
+/// Rows of one lane of so many: a few are cut in two, so that a single batch of windows keeps two cores busy. It depends on the rows alone, never on the cores.
+fn lane_rows(rows: usize) -> usize {
+    if rows > 2 * ROWS { ROWS } else { rows.div_ceil(2).max(32) }
+}
 
 /// Widths of input, hidden layers and output.
 #[derive(Debug, Clone, Copy)]
@@ -99,10 +104,10 @@ fn forward(sizes: Sizes, x: &FlexTensor, layers: &[Dense; 3], instructions: Inst
     let [input, first, second, output] = sizes.widths;
     let mut out = vec![0.0; sizes.rows * output];
     let lanes = out
-        .par_chunks_mut(ROWS * output)
+        .par_chunks_mut(lane_rows(sizes.rows) * output)
         .enumerate()
         .map(|(lane, out)| {
-            let (at, count) = (lane * ROWS, out.len() / output);
+            let (at, count) = (lane * lane_rows(sizes.rows), out.len() / output);
             let mut lane = Lane {
                 at,
                 count,
