@@ -5,6 +5,7 @@ use std::fmt::Write;
 
 use serde_json::Value as Json;
 
+use crate::evaluate::open_loop::AHEAD;
 use crate::learners::auxiliary::REGISTRY;
 use crate::metrics::Row;
 use crate::run::RunInfo;
@@ -102,10 +103,27 @@ fn held_out(page: &mut String, evaluations: &[Json]) {
             of(name, "/chance")
         )
     });
+    open_loop(page, last);
     push(
         page,
         &format!("\nState, distractor and interaction are shares of the latents' variance. {}.", beside.join("; ")),
     );
+}
+
+/// How well rewards are told from (h, s) some steps ahead without pictures.
+fn open_loop(page: &mut String, last: &Json) {
+    let row = |name: &str| {
+        let cell = |ahead: &usize| number(last, &format!("{name}@{ahead}"), "/estimate");
+        AHEAD.iter().map(cell).collect::<Option<Vec<f64>>>()
+    };
+    let rows = [("recorded", row("open_loop_reward_r2")), ("shuffled", row("open_loop_reward_r2_shuffled"))];
+    let cells = |values: Vec<f64>| values.iter().map(|value| format!("{value:.3}")).collect::<Vec<_>>().join(" | ");
+    let heads = AHEAD.map(|ahead| format!("{ahead} steps")).join(" | ");
+    push(page, &format!("\n| reward told open loop (R²) under actions that were | {heads} |"));
+    push(page, &format!("|---|{}", "---|".repeat(AHEAD.len())));
+    for (name, values) in rows {
+        push(page, &format!("| {name} | {} |", values.map_or_else(|| "– | – | – | –".to_owned(), cells)));
+    }
 }
 
 /// A part of a number of an evaluation, as in `/estimate` of `state_share`.
