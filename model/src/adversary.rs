@@ -7,7 +7,7 @@ use rand::Rng;
 
 use crate::config::ModelConfig;
 use crate::error::ModelError;
-use crate::gaussian::Gaussian;
+use crate::gaussian::{Gaussian, LatentForm};
 use crate::gru::{Gru, GruConfig};
 use crate::mlp::{Mlp, MlpConfig};
 use crate::observe::Observe;
@@ -23,6 +23,8 @@ pub struct Adversary {
     pub head: Mlp,
     #[module(skip)]
     floor: f32,
+    #[module(skip)]
+    form: LatentForm,
 }
 
 impl Adversary {
@@ -35,6 +37,7 @@ impl Adversary {
             gru: GruConfig { input, hidden: config.hidden }.init(rng, device).with_update_bias(config.gru_update_bias),
             head: MlpConfig { input: config.hidden, hidden: config.head, output: config.latent + 1 }.init(rng, device),
             floor: config.prediction_floor,
+            form: config.latents,
         })
     }
 
@@ -55,6 +58,6 @@ impl Adversary {
 
     /// The prediction made from hidden states.
     fn predict(&self, states: Tensor<3>) -> Gaussian {
-        Gaussian::unit_mean(self.head.forward(states), self.floor)
+        Gaussian::latent(self.head.forward(states), self.form, self.floor)
     }
 }

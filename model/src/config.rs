@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::gaussian::LatentForm;
 use crate::heads::HeadConfig;
+use crate::numbers::NumberConfig;
 
 /// What the model looks at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -70,6 +72,15 @@ pub struct ModelConfig {
     /// Further heads of the world model, which objectives and auxiliary terms ask for.
     #[serde(default)]
     pub heads: Vec<HeadConfig>,
+    /// Further numbers of the world model that are learned like weights.
+    #[serde(default)]
+    pub numbers: Vec<NumberConfig>,
+    /// Whether latents have unit norm, as in the paper.
+    #[serde(default)]
+    pub latents: LatentForm,
+    /// Whether the encoder sees no actions: for objectives whose answer it would else hand over from its memory. The paper's encoder sees them.
+    #[serde(default)]
+    pub blind_to_actions: bool,
 }
 
 fn one() -> f32 {

@@ -6,7 +6,7 @@ use burn::tensor::{Device, Tensor};
 use rand::Rng;
 
 use crate::config::ModelConfig;
-use crate::gaussian::Gaussian;
+use crate::gaussian::{Gaussian, LatentForm};
 use crate::gru::{Gru, GruConfig};
 use crate::mlp::{Mlp, MlpConfig};
 
@@ -19,6 +19,8 @@ pub struct Dynamics {
     pub head: Mlp,
     #[module(skip)]
     floor: f32,
+    #[module(skip)]
+    form: LatentForm,
 }
 
 impl Dynamics {
@@ -30,7 +32,13 @@ impl Dynamics {
                 .with_update_bias(config.gru_update_bias),
             head: MlpConfig { input: config.hidden, hidden: config.head, output: config.latent + 1 }.init(rng, device),
             floor: config.prediction_floor,
+            form: config.latents,
         }
+    }
+
+    /// The form of its latents.
+    pub(crate) fn form(&self) -> LatentForm {
+        self.form
     }
 
     /// Least standard deviation of a prediction.
@@ -46,6 +54,6 @@ impl Dynamics {
     /// - output: step `t` is the prediction of latent `t + 1`; and the hidden states `[length, batch, hidden]`
     pub fn forward(&self, latents: Tensor<3>, actions: Tensor<3>, state: Option<Tensor<2>>) -> (Gaussian, Tensor<3>) {
         let states = self.gru.forward(Tensor::cat(vec![latents, actions], 2), state);
-        (Gaussian::unit_mean(self.head.forward(states.clone()), self.floor), states)
+        (Gaussian::latent(self.head.forward(states.clone()), self.form, self.floor), states)
     }
 }

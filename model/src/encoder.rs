@@ -7,7 +7,7 @@ use rand::Rng;
 
 use crate::config::ModelConfig;
 use crate::error::ModelError;
-use crate::gaussian::unit_norm;
+use crate::gaussian::LatentForm;
 use crate::gru::{Gru, GruConfig};
 use crate::linear::{Linear, LinearConfig};
 use crate::observe::{Frames, Observe};
@@ -21,13 +21,19 @@ pub struct Encoder {
     pub gru: Gru,
     /// Hidden state to the mean before it is normalised.
     pub mean: Linear,
+    #[module(skip)]
+    form: LatentForm,
+    #[module(skip)]
+    blind: bool,
 }
 
 /// What the encoder gives for a window.
 #[derive(Debug, Clone)]
 pub struct Encoding {
-    /// Means of the latents, unit norm: `[length, batch, latent]`
+    /// Means of the latents, of the model's form: `[length, batch, latent]`
     pub means: Tensor<3>,
+    /// Features of the observations by themselves: `[length, batch, hidden]`
+    pub features: Tensor<3>,
     /// Hidden state after the last step, to go on from: `[batch, hidden]`
     pub state: Tensor<2>,
 }
@@ -42,6 +48,8 @@ impl Encoder {
                 .init(rng, device)
                 .with_update_bias(config.gru_update_bias),
             mean: LinearConfig { input: config.hidden, output: config.latent }.init(rng, device),
+            form: config.latents,
+            blind: config.blind_to_actions,
         })
     }
 
@@ -57,7 +65,7 @@ impl Encoder {
         let [length, batch, _] = previous_actions.dims();
         self.observe = self.observe.calibrated(frames.clone())?;
         let features = self.observe.forward(frames, length)?;
-        let states = self.gru.forward(Tensor::cat(vec![features, previous_actions], 2), None);
+        let states = self.gru.forward(self.seen(features, previous_actions), None);
         self.mean = self.mean.standardized(states.reshape([length * batch, self.gru.hidden()]));
         Ok(self)
     }
@@ -77,9 +85,15 @@ impl Encoder {
     ) -> Result<Encoding, ModelError> {
         let [length, batch, _] = previous_actions.dims();
         let features = self.observe.forward(frames, length)?;
-        let states = self.gru.forward(Tensor::cat(vec![features, previous_actions], 2), state);
-        let means = unit_norm(self.mean.forward(states.clone()));
+        let states = self.gru.forward(self.seen(features.clone(), previous_actions), state);
+        let means = self.form.mean(self.mean.forward(states.clone()));
         let state = states.narrow(0, length - 1, 1).reshape([batch, self.gru.hidden()]);
-        Ok(Encoding { means, state })
+        Ok(Encoding { means, features, state })
+    }
+
+    /// What the GRU takes in; an encoder that sees no actions gets zeros in their place.
+    fn seen(&self, features: Tensor<3>, previous_actions: Tensor<3>) -> Tensor<3> {
+        let actions = if self.blind { previous_actions.zeros_like() } else { previous_actions };
+        Tensor::cat(vec![features, actions], 2)
     }
 }

@@ -1,6 +1,7 @@
 //! Normal distributions with one standard deviation for all dimensions: what every prediction of a latent is.
 
 use burn::tensor::{Tensor, activation::softplus};
+use serde::{Deserialize, Serialize};
 
 const HALF_LOG_TWO_PI: f32 = 0.918_938_5;
 
@@ -14,13 +15,13 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// From a network's output: a mean of unit norm (all columns but the last) and softplus of the last column above `floor`.
+    /// From a network's output: a mean of the form that latents have (all columns but the last) and softplus of the last column above `floor`.
     ///
     /// # Shapes
     /// - `output`: `[length, batch, dims + 1]`
-    pub fn unit_mean(output: Tensor<3>, floor: f32) -> Self {
+    pub fn latent(output: Tensor<3>, form: LatentForm, floor: f32) -> Self {
         let dims = output.dims()[2] - 1;
-        let mean = unit_norm(output.clone().narrow(2, 0, dims));
+        let mean = form.mean(output.clone().narrow(2, 0, dims));
         Self { mean, std: softplus(output.narrow(2, dims, 1), 1.0) + floor }
     }
 
@@ -31,6 +32,30 @@ impl Gaussian {
     /// - output: `[length, batch, dims]`
     pub fn log_prob(&self, x: Tensor<3>) -> Tensor<3> {
         log_prob(x, self.mean.clone(), self.std.clone())
+    }
+}
+
+/// What a network's output becomes as the mean of a latent.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LatentForm {
+    /// Divided by its length: the paper's.
+    #[default]
+    UnitNorm,
+    /// As it is: distances that read a latent's length need it.
+    Raw,
+}
+
+impl LatentForm {
+    /// The mean that an output stands for.
+    ///
+    /// # Shapes
+    /// - `output` and result: `[…, dims]`
+    pub fn mean<const D: usize>(self, output: Tensor<D>) -> Tensor<D> {
+        match self {
+            Self::UnitNorm => unit_norm(output),
+            Self::Raw => output,
+        }
     }
 }
 

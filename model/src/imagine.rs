@@ -14,6 +14,7 @@ use rand::Rng;
 use crate::actions::{ActionSample, noise};
 use crate::actor::{Actor, features};
 use crate::dynamics::Dynamics;
+use crate::gaussian::LatentForm;
 use crate::kernels::{ActorWeights, Beginning, WorldWeights, imagination};
 use crate::reward::Reward;
 
@@ -124,6 +125,10 @@ fn fused(
     noise: &ImaginationNoise,
 ) -> Option<(Imagination, Tensor<2>)> {
     let Learned { dynamics, reward } = world;
+    // The kernel knows latents of unit norm alone.
+    if dynamics.form() != LatentForm::UnitNorm {
+        return None;
+    }
     let gru = &dynamics.gru;
     let weights = WorldWeights {
         reward: reward.head.weights(),

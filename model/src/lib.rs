@@ -5,7 +5,7 @@
 //! | [`config`] | sizes and constants of a model |
 //! | [`model`] | encoder, dynamics, reward and decoder in one module, the adversary beside it |
 //! | [`encoder`], [`dynamics`], [`reward`], [`adversary`], [`decoder`] | one network each |
-//! | [`heads`] | further predictions, by name |
+//! | [`heads`], [`numbers`] | further predictions and learned numbers, by name |
 //! | [`observe`], [`cnn`], [`mlp`], [`gru`], [`linear`] | the layers they are made of |
 //! | [`actor`], [`actions`], [`critic`] | who acts, what is drawn, what it is worth |
 //! | [`imagine`], [`returns`] | acting in the learned dynamics, and the returns of it |
@@ -43,6 +43,7 @@ pub mod kernels;
 pub mod linear;
 pub mod mlp;
 pub mod model;
+pub mod numbers;
 pub mod observe;
 pub mod parameters;
 pub mod returns;

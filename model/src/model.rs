@@ -13,6 +13,7 @@ use crate::encoder::Encoder;
 use crate::error::ModelError;
 use crate::heads::{Head, HeadConfig};
 use crate::mlp::Mlp;
+use crate::numbers::Number;
 use crate::observe::Frames;
 use crate::parameters::read_parameters;
 use crate::reward::Reward;
@@ -30,6 +31,8 @@ pub struct World {
     pub decoder: Option<Decoder>,
     /// Whatever else an objective or an auxiliary term predicts.
     pub heads: Vec<Head>,
+    /// Numbers that are learned like weights.
+    pub numbers: Vec<Number>,
 }
 
 impl World {
@@ -50,6 +53,18 @@ impl World {
         found.ok_or_else(|| ModelError::MissingHead {
             name: name.to_owned(),
             known: self.heads.iter().map(|head| head.name().to_owned()).collect(),
+        })
+    }
+
+    /// The number `name`: `[1]`
+    ///
+    /// # Errors
+    /// The model was configured without it.
+    pub fn number(&self, name: &str) -> Result<Tensor<1>, ModelError> {
+        let found = self.numbers.iter().find(|number| number.name() == name).map(|number| number.value.val());
+        found.ok_or_else(|| ModelError::MissingHead {
+            name: name.to_owned(),
+            known: self.numbers.iter().map(|number| number.name().to_owned()).collect(),
         })
     }
 }
@@ -78,7 +93,8 @@ impl Model {
         let adversary = config.adversary.then(|| Adversary::init(&config, rng, device)).transpose()?;
         let head = |head: &HeadConfig, rng: &mut _| head.init(config.head, rng, device);
         let heads = config.heads.iter().map(|config| head(config, rng)).collect();
-        Ok(Self { world: World { encoder, dynamics, reward, decoder, heads }, adversary, config })
+        let numbers = config.numbers.iter().map(|number| number.init(device)).collect();
+        Ok(Self { world: World { encoder, dynamics, reward, decoder, heads, numbers }, adversary, config })
     }
 
     /// The model with the first scale of its features and latents set by data: what the encoder and the adversary make of a window has mean 0 and

@@ -262,6 +262,9 @@ impl Options {
             adversary: networks.adversary,
             decoder: networks.decoder,
             heads: networks.heads.into_iter().chain(of_terms).collect(),
+            numbers: networks.numbers,
+            latents: networks.latents,
+            blind_to_actions: networks.blind_to_actions,
         }
     }
 

@@ -1,5 +1,6 @@
 //! The small model that the tests of networks and devices share.
 
+use vibes_model::gaussian::LatentForm;
 use vibes_model::{ModelConfig, ObservationKind};
 
 pub(crate) fn config(observation: ObservationKind) -> ModelConfig {
@@ -20,5 +21,8 @@ pub(crate) fn config(observation: ObservationKind) -> ModelConfig {
         adversary: true,
         decoder: true,
         heads: Vec::new(),
+        numbers: Vec::new(),
+        latents: LatentForm::UnitNorm,
+        blind_to_actions: false,
     }
 }

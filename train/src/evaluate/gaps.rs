@@ -21,7 +21,7 @@ use vibes_data::Recording;
 use vibes_measure::intervals::{Interval, Trajectories};
 use vibes_model::Model;
 use vibes_model::adversary::Adversary;
-use vibes_model::gaussian::{Gaussian, unit_norm};
+use vibes_model::gaussian::Gaussian;
 use vibes_model::init::normal;
 use vibes_model::mlp::{Mlp, MlpConfig};
 use vibes_model::parameters::to_values;
@@ -309,7 +309,7 @@ impl<'a> Scene<'a> {
     fn corrected(&self, model: &Model, dynamics_by: Tensor<3>, reward_by: Tensor<3>) -> Terms {
         let (dynamics, reward) = self.predictions(model);
         let dynamics = corrected(&dynamics, dynamics_by, model.config.prediction_floor);
-        let dynamics = Gaussian { mean: unit_norm(dynamics.mean), ..dynamics };
+        let dynamics = Gaussian { mean: model.config.latents.mean(dynamics.mean), ..dynamics };
         self.terms(&dynamics, &corrected(&reward, reward_by, model.config.reward_floor))
     }
 

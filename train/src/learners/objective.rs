@@ -15,8 +15,11 @@ use std::fmt;
 use std::str::FromStr;
 
 use burn::tensor::Tensor;
+use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use vibes_model::adversary::Adversary;
+use vibes_model::gaussian::LatentForm;
+use vibes_model::numbers::NumberConfig;
 use vibes_model::{HeadConfig, World};
 
 use super::optimizer::Optimizer;
@@ -26,12 +29,33 @@ use crate::options::Options;
 use crate::options::own::Declared;
 
 pub mod action_baseline;
+pub mod contrastive;
+pub mod dbc;
+pub mod deepmdp;
+pub mod kl_constraint;
+pub mod mico;
+pub mod multi_step_inverse;
 pub mod no_adversary;
 pub mod reconstruction;
+pub mod self_prediction;
+pub mod simsr;
+pub mod steps;
 pub mod vibes;
 
 /// Every objective; the first is the default.
-pub const REGISTRY: [&dyn Definition; 3] = [&vibes::Vibes, &no_adversary::NoAdversary, &reconstruction::Reconstruction];
+pub const REGISTRY: [&dyn Definition; 11] = [
+    &vibes::Vibes,
+    &no_adversary::NoAdversary,
+    &reconstruction::Reconstruction,
+    &deepmdp::DeepMdp,
+    &kl_constraint::KlConstraint,
+    &multi_step_inverse::MultiStepInverse,
+    &self_prediction::SelfPrediction,
+    &contrastive::Contrastive,
+    &dbc::Dbc,
+    &mico::Mico,
+    &simsr::SimSr,
+];
 
 /// What an objective says about itself.
 pub trait Definition: fmt::Debug + Sync {
@@ -62,15 +86,20 @@ pub trait Definition: fmt::Debug + Sync {
     /// Pictures that go through convolutions for one window of `length` rows.
     fn pictures(&self, length: usize) -> Pictures;
 
-    /// The value, after whatever step comes before the world model's.
+    /// The value, after whatever step comes before the world model's; `rng` is for what it draws.
     ///
     /// # Errors
     /// The batch does not fit the networks, or a quantity is no longer a number.
-    fn value(&self, scene: &Scene<'_>, rival: Rival<'_>) -> Result<Value>;
+    fn value(&self, scene: &Scene<'_>, rival: Rival<'_>, rng: &mut ChaCha8Rng) -> Result<Value>;
+
+    /// Whether the rewards' gradient reaches the latents.
+    fn rewards_shape_latents(&self) -> bool {
+        true
+    }
 }
 
 /// Networks beside encoder, dynamics and reward.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Networks {
     /// The adversary, with an optimiser of its own.
     pub adversary: bool,
@@ -78,6 +107,12 @@ pub struct Networks {
     pub decoder: bool,
     /// Perceptrons of the world model, found by name with `World::head`.
     pub heads: Vec<HeadConfig>,
+    /// Numbers of the world model, found by name with `World::number`.
+    pub numbers: Vec<NumberConfig>,
+    /// Whether latents have unit norm.
+    pub latents: LatentForm,
+    /// Whether the encoder sees no actions.
+    pub blind_to_actions: bool,
 }
 
 /// When the dynamics term begins to reach the encoder (see [`gate`](crate::gate)).

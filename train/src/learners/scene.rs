@@ -29,6 +29,8 @@ pub struct Scene<'a> {
     pub batch: &'a Batch,
     /// Means of the latents: `[length, batch, latent]`
     pub means: Tensor<3>,
+    /// Features of the observations by themselves: `[length, batch, hidden]`
+    pub features: Tensor<3>,
     /// Sampled latents; the whole gradient passes through them to the encoder: `[length, batch, latent]`
     pub latents: Tensor<3>,
     /// The paper's predictions, made from [`gated`] latents.
@@ -77,7 +79,8 @@ impl<'a> Scene<'a> {
         rng: &mut impl Rng,
         device: &Device,
     ) -> Result<Self> {
-        let means = world.encoder.forward(batch.frames.clone(), batch.previous_actions.clone(), None)?.means;
+        let encoding = world.encoder.forward(batch.frames.clone(), batch.previous_actions.clone(), None)?;
+        let means = encoding.means;
         let noise =
             Tensor::<3>::from_data(TensorData::new(normal(means.shape().num_elements(), rng), means.dims()), device);
         let latents = means.clone() + noise * config.latent_std;
@@ -88,6 +91,7 @@ impl<'a> Scene<'a> {
             options,
             schedule,
             batch,
+            features: encoding.features,
             means,
             latents,
             predictions,
@@ -117,7 +121,7 @@ impl<'a> Scene<'a> {
 }
 
 /// The dynamics term on latents as `gated`, the reward on all of them.
-fn predict(world: &World, batch: &Batch, latents: &Tensor<3>, gated: Tensor<3>) -> (Predictions, Tensor<3>) {
+pub fn predict(world: &World, batch: &Batch, latents: &Tensor<3>, gated: Tensor<3>) -> (Predictions, Tensor<3>) {
     let before_last = |x: &Tensor<3>| x.clone().narrow(0, 0, batch.length - 1);
     let (dynamics, states) = world.dynamics.forward(before_last(&gated), before_last(&batch.actions), None);
     let predictions = Predictions {

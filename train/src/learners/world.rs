@@ -112,9 +112,11 @@ impl Learner {
         let Model { config, world, adversary } = &mut self.model;
         let scene = Scene::new((world, config), batch, (options, schedule), rng, &self.device)?;
         let mut phases = Phases { predict: watch.lap(), ..Phases::default() };
-        let value = options.objective.value(&scene, Rival { adversary, optimizer: &mut self.adversary_optimizer })?;
+        let mut drawn = ChaCha8Rng::seed_from_u64(rng.random());
+        let rival = Rival { adversary, optimizer: &mut self.adversary_optimizer };
+        let value = options.objective.value(&scene, rival, &mut drawn)?;
         phases.objective = watch.lap();
-        let value = with_auxiliaries(&scene, value, &mut ChaCha8Rng::seed_from_u64(rng.random()))?;
+        let value = with_auxiliaries(&scene, value, &mut drawn)?;
         phases.auxiliary = watch.lap();
         let means = scene.means.clone().inner();
         let reached = (scene.latents.clone().inner(), scene.states_after.clone().inner());

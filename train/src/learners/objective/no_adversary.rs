@@ -5,6 +5,8 @@
 //! L = 1/(T B) Σ_t Σ_b [ log p_θ(s_t | h_t−1, s_t−1, a_t−1) + log p_θ(r_t | s_t, a_t) ]
 //! ```
 
+use rand_chacha::ChaCha8Rng;
+
 use super::{Definition, Networks, Pictures, Rival, Value, Weights};
 use crate::error::Result;
 use crate::learners::scene::{Predictions, Scene};
@@ -31,7 +33,7 @@ impl Definition for NoAdversary {
         Pictures { encoded: length, decoded: 0 }
     }
 
-    fn value(&self, scene: &Scene<'_>, _rival: Rival<'_>) -> Result<Value> {
+    fn value(&self, scene: &Scene<'_>, _rival: Rival<'_>, _rng: &mut ChaCha8Rng) -> Result<Value> {
         Ok(value(&scene.predictions, Weights::of(scene)))
     }
 }

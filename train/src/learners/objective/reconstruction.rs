@@ -7,6 +7,8 @@
 
 use burn::tensor::Tensor;
 
+use rand_chacha::ChaCha8Rng;
+
 use super::{Definition, Networks, Pictures, Rival, Value, Weights, no_adversary};
 use crate::error::{Result, TrainError};
 use crate::learners::scene::{Predictions, Scene};
@@ -33,7 +35,7 @@ impl Definition for Reconstruction {
         Pictures { encoded: length, decoded: length }
     }
 
-    fn value(&self, scene: &Scene<'_>, _rival: Rival<'_>) -> Result<Value> {
+    fn value(&self, scene: &Scene<'_>, _rival: Rival<'_>, _rng: &mut ChaCha8Rng) -> Result<Value> {
         let Some(decoder) = &scene.world.decoder else {
             let fact = "this model was made without the decoder that `reconstruction` needs";
             return Err(TrainError::Options(fact.to_owned()));

@@ -239,7 +239,7 @@ fn the_gradient_through_the_adversarys_recurrence_is_that_of_finite_differences(
     let sizes = crate::bench::Sizes { picture: 16, actions: 2, repeats: 1 };
     let kind = ObservationKind::Vector { len: 3 };
     let config = ModelConfig { hidden: 16, latent: 4, ..options.model(&crate::bench::made_up_spec(sizes), kind, 1.0) };
-    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
     let adversary = Adversary::init(&config, &mut rng, &device).expect("an adversary");
     let [length, batch] = [6, 3];
     let mut random = |width: usize| {

@@ -14,6 +14,7 @@
 
 use burn::module::Module;
 use burn::tensor::Tensor;
+use rand_chacha::ChaCha8Rng;
 use vibes_model::World;
 use vibes_model::adversary::Adversary;
 use vibes_model::gaussian::Gaussian;
@@ -77,7 +78,7 @@ impl Definition for Vibes {
     fn networks(&self, options: &Options, actions: usize) -> Networks {
         let baseline = self.gate(options).filter(|condition| condition.gain > 0.0);
         let heads = baseline.map(|_| ActionBaseline::head(actions)).into_iter().collect();
-        Networks { adversary: true, decoder: false, heads }
+        Networks { adversary: true, heads, ..Networks::default() }
     }
 
     fn gate(&self, options: &Options) -> Option<Condition> {
@@ -92,7 +93,7 @@ impl Definition for Vibes {
         Pictures { encoded: 2 * length - 1, decoded: 0 }
     }
 
-    fn value(&self, scene: &Scene<'_>, rival: Rival<'_>) -> Result<Value> {
+    fn value(&self, scene: &Scene<'_>, rival: Rival<'_>, _rng: &mut ChaCha8Rng) -> Result<Value> {
         let step = adversary_step(scene, rival)?;
         let made = value(&scene.predictions, &step.prediction, Clip::of(scene.options), Weights::of(scene));
         let after = scene.predictions.latent_log_prob(&step.prediction).sum().detach() / scene.predictions.count;

@@ -1,0 +1,92 @@
+//! Where the dynamics, run ahead without pictures, arrive, the encoder should arrive too (SPR, mila-iqia/spr). No reward shapes the latents.
+//!
+//! ```text
+//! L = − w mean Σ_k [2 − 2 cos(q(ŝ_t+k), sg z_t+k)],   ŝ: the dynamics' mean k steps ahead, q: a perceptron
+//! ```
+//!
+//! The targets are the encoder's own latents without gradient (SPR's rate of 1, its choice with augmentation), which the perceptron q keeps from collapsing. The
+//! encoder sees no actions, as SPR's does not: from past actions alone it could foretell what it will know of them. The models of dynamics and reward learn beside it.
+
+use burn::tensor::{Int, Tensor, TensorData};
+use rand_chacha::ChaCha8Rng;
+use vibes_model::HeadConfig;
+use vibes_model::parameters::to_values;
+
+use super::steps::models_apart;
+use super::{Definition, Networks, Pictures, Rival, Value};
+use crate::error::Result;
+use crate::learners::auxiliary;
+use crate::learners::losses::self_prediction;
+use crate::learners::rollout::rows;
+use crate::learners::scene::Scene;
+use crate::options::Options;
+use crate::options::own::{Declared, Kind};
+
+/// The objective.
+#[derive(Debug)]
+pub struct SelfPrediction;
+
+/// K.
+pub const STEPS: Declared = Declared {
+    flag: "self-prediction-steps",
+    kind: Kind::Whole { default: 5 },
+    help: "Steps ahead that the objective self-prediction runs the dynamics (SPR's 5)",
+};
+
+/// The loss's weight beside the models'.
+const WEIGHT: f32 = 5.0;
+const HEAD: &str = "self-prediction";
+
+impl Definition for SelfPrediction {
+    fn name(&self) -> &'static str {
+        "self-prediction"
+    }
+
+    fn about(&self) -> &'static str {
+        "later latents told by the dynamics run ahead, no reward (SPR); the encoder sees no actions"
+    }
+
+    fn options(&self) -> &'static [Declared] {
+        &[STEPS]
+    }
+
+    fn networks(&self, options: &Options, _actions: usize) -> Networks {
+        let head = HeadConfig { name: HEAD.to_owned(), input: options.latent, output: options.latent };
+        Networks { heads: vec![head], blind_to_actions: true, ..Networks::default() }
+    }
+
+    fn pictures(&self, length: usize) -> Pictures {
+        Pictures { encoded: length, decoded: 0 }
+    }
+
+    fn rewards_shape_latents(&self) -> bool {
+        false
+    }
+
+    fn value(&self, scene: &Scene<'_>, _rival: Rival<'_>, _rng: &mut ChaCha8Rng) -> Result<Value> {
+        let most = most_steps(scene.options);
+        // The rollout is shared with the auxiliary terms: as far as any of them looks.
+        let rollout = scene.rollout(most.max(auxiliary::steps_ahead(scene.options)));
+        let steps = most.min(rollout.latents.len());
+        let counted = to_values(rollout.counted.clone());
+        let chosen: Vec<i32> = (0..).zip(&counted).filter(|(_, counted)| **counted > 0.0).map(|(row, _)| row).collect();
+        let count = chosen.len();
+        if count == 0 {
+            return Ok(models_apart(scene).less("self_prediction_loss", scene.means.clone().sum() * 0.0));
+        }
+        let ahead: Vec<Tensor<3>> = rollout.latents[..steps].iter().map(|latent| latent.mean.clone()).collect();
+        let predictions = scene.world.head(HEAD)?.forward(Tensor::cat(ahead, 0));
+        let later = (1..=steps).map(|step| rows(&scene.means, step, rollout.starts));
+        let targets = Tensor::cat(later.collect(), 0);
+        let chosen = Tensor::<1, Int>::from_data(TensorData::new(chosen, [count]), &scene.means.device());
+        let loss = self_prediction::loss(predictions.select(1, chosen.clone()), targets.select(1, chosen));
+        let apart = models_apart(scene);
+        Ok(Value { objective: apart.objective.clone() - loss.clone() * (WEIGHT - 1.0), ..apart }
+            .less("self_prediction_loss", loss))
+    }
+}
+
+/// At least one step, and few enough that a row which counts has as many after it in its window.
+fn most_steps(options: &Options) -> usize {
+    (options.own.whole(&STEPS) as usize).clamp(1, options.length - 1 - options.burn_in)
+}
