@@ -9,12 +9,20 @@
 //! | [`config`] | sizes |
 //! | [`features`] | convolutions, and the trunk on top of them |
 //! | [`critic`] | two critics on one trunk |
+//! | [`actor`] | trunk, perceptron, distribution of actions |
+//! | [`networks`] | all of them with the critic's slow copy, and their file |
 //! | [`stack`], [`cut`] | the last pictures side by side, and views of them |
+//! | [`agent`] | a trained agent at work |
 
+pub mod actor;
+pub mod agent;
 pub mod config;
 pub mod critic;
 pub mod cut;
 pub mod features;
+pub mod networks;
 pub mod stack;
 
+pub use agent::SacAgent;
 pub use config::SacConfig;
+pub use networks::SacNetworks;

@@ -18,6 +18,7 @@ mod encode;
 mod evaluate;
 mod flags;
 mod info;
+mod model_free;
 mod offline;
 mod online;
 mod online_progress;
@@ -78,7 +79,10 @@ pub(crate) fn run() -> ExitCode {
         Command::Decode(args) => decode::run(&cli.context, &args),
         Command::Evaluate(args) => evaluate::run(&cli.context, &args),
         Command::Info(args) => info::run(&cli.context, &args),
-        Command::Bench(args) => bench::run(&cli.context, &args),
+        Command::Bench(args) => match args.system.clone() {
+            Some(system) => bench::of_agent(&cli.context, &args, &system),
+            None => bench::run(&cli.context, &args),
+        },
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

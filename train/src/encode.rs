@@ -6,6 +6,7 @@ use std::path::Path;
 use burn::tensor::Device;
 use vibes_data::{EpisodeEntry, EpisodeView, Latents, LatentsSource, LatentsWriter, Recording, portable};
 use vibes_model::encode::{EpisodeEncoder, RawFrames};
+use vibes_model::sac::SacAgent;
 use vibes_model::{Model, ObservationKind};
 
 use crate::error::{Result, TrainError};
@@ -123,4 +124,39 @@ fn chunk(
         latent,
         source: LatentsSource::default(),
     }
+}
+
+/// The features of every picture of a recording, as [`encode_recording`], by an agent without a world model: what its critics see in the stack that ends with the picture.
+///
+/// # Errors
+/// The recording's pictures are of another size than the agent's, or the table cannot be written.
+pub fn encode_stacks(
+    agent: &mut SacAgent,
+    checkpoint: &Path,
+    recording: &Recording,
+    output: &Path,
+    listen: &mut dyn FnMut(u64),
+) -> Result<()> {
+    let dims = agent.config().feature;
+    let source = LatentsSource {
+        recording: Some(portable(recording.path(), output)),
+        checkpoint: Some(portable(checkpoint, output)),
+    };
+    let mut table = LatentsWriter::create(output, dims, &source)?;
+    let mut done = 0;
+    for entry in recording.episodes() {
+        let episode = recording.episode(entry.index)?;
+        agent.begin();
+        for start in (0..episode.rows()).step_by(CHUNK) {
+            let rows = start..episode.rows().min(start + CHUNK);
+            done += rows.len() as u64;
+            let mut features = Vec::with_capacity(rows.len() * dims);
+            for row in rows.clone() {
+                features.extend(agent.observe(episode.pixels(row))?);
+            }
+            table.append(&chunk(entry, &episode, rows, dims, features))?;
+            listen(done);
+        }
+    }
+    Ok(table.finish()?)
 }

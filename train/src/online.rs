@@ -42,6 +42,7 @@ use crate::windows::{Prefetch, Purpose, update_rng};
 
 pub mod actor;
 pub mod evaluate;
+pub mod model_free;
 pub mod options;
 pub mod prepare;
 pub mod protocol;
@@ -259,6 +260,7 @@ impl Training<'_> {
             }
             let begun = Instant::now();
             let agent = Agent::new(&learner.model, &behaviour.behaviour.actor, self.setup.device);
+            let agent = actor::Acting::World(Box::new(agent));
             let policy = format!("online:update={}", self.session.state.update);
             self.acting.begin(self.training_task(Some(agent), policy))?;
             let due = self.state.credit.floor();
@@ -290,7 +292,7 @@ impl Training<'_> {
         }
     }
 
-    fn training_task(&self, agent: Option<Agent>, policy: String) -> Task {
+    fn training_task(&self, agent: Option<actor::Acting>, policy: String) -> Task {
         let number = self.state.episodes;
         let seed = self.setup.run.info().options.seed;
         Task {
@@ -401,6 +403,7 @@ impl Training<'_> {
             return Ok(Go::On);
         }
         let agent = Agent::new(&learner.model, &behaviour.behaviour.actor, self.setup.device);
+        let agent = actor::Acting::World(Box::new(agent));
         let seed = self.setup.run.info().options.seed;
         let counters = evaluate::Counters {
             update: self.session.state.update,

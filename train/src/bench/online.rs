@@ -20,7 +20,7 @@ use crate::batch::Batch;
 use crate::error::Result;
 use crate::learners::behaviour::{BehaviourLearner, BehaviourMeasures};
 use crate::learners::world::Learner;
-use crate::online::actor::{ActorThread, Task};
+use crate::online::actor::{Acting, ActorThread, Task};
 use crate::online::options::OnlineOptions;
 use crate::options::Options;
 
@@ -140,7 +140,7 @@ fn living(agent: &Agent, online: &OnlineOptions) -> Result<f64> {
     let lived = std::thread::scope(|scope| {
         let thread = ActorThread::start(scope, &online.world, libraries, writer);
         let task = |number| Task {
-            agent: Some(agent.clone()),
+            agent: Some(Acting::World(Box::new(agent.clone()))),
             choice: Choice::Sample,
             exploration: 0.0,
             videos: VideoSet::Train,

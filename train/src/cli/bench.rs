@@ -14,6 +14,12 @@ use super::flags::OptionArgs;
 
 #[derive(Debug, Args)]
 pub(crate) struct BenchArgs {
+    /// Time an agent without a world model instead, by its system's name, at the size `small`; every update steps the actor.
+    #[arg(long, value_name = "SYSTEM")]
+    pub(crate) system: Option<String>,
+    /// Width of that agent's perceptrons [default: the system's].
+    #[arg(long, value_name = "N", requires = "system")]
+    system_hidden: Option<usize>,
     /// A recording to measure window sampling on.
     recording: Option<PathBuf>,
     /// Height and width of the pictures.
@@ -30,6 +36,23 @@ pub(crate) struct BenchArgs {
     online: Option<String>,
     #[command(flatten)]
     options: OptionArgs,
+}
+
+/// An agent without a world model.
+pub(crate) fn of_agent(context: &Context, args: &BenchArgs, system: &str) -> Result<()> {
+    use vibes_train::learners::sac::options::{SacOptions, Size};
+
+    let made = SacOptions::system(system, Size::Small)?;
+    let options = SacOptions { hidden: args.system_hidden.unwrap_or(made.hidden), ..made };
+    let device = context.device.open()?;
+    let ms = vibes_train::learners::sac::bench::bench(&options, args.size, args.actions, args.repeats, &device)?;
+    if context.json {
+        println!("{}", serde_json::json!({ "system": system, "update_ms": ms }));
+    } else {
+        let (side, batch, hidden) = (args.size, options.batch, options.hidden);
+        println!("{system} update, batch {batch}, {side}×{side}, hidden {hidden}: {ms:.1} ms");
+    }
+    Ok(())
 }
 
 pub(crate) fn run(context: &Context, args: &BenchArgs) -> Result<()> {

@@ -9,6 +9,7 @@ use vibes_env::render::Look;
 use vibes_env::videos::VideoSource;
 use vibes_train::fit::{End, Go};
 use vibes_train::learners::behaviour::{BehaviourOptions, Gradient};
+use vibes_train::online::model_free::folder::Folder;
 use vibes_train::online::options::OnlineOptions;
 use vibes_train::online::prepare::{self, Prepared};
 use vibes_train::online::protocol::Protocol;
@@ -17,6 +18,7 @@ use vibes_train::run::Run;
 
 use super::Context;
 use super::flags::OptionArgs;
+use super::model_free::{self, ModelFreeArgs};
 use super::online_progress::OnlineProgress;
 
 /// Where to begin.
@@ -47,6 +49,8 @@ pub(crate) struct OnlineArgs {
     world: WorldArgs,
     #[command(flatten)]
     behaviour: BehaviourArgs,
+    #[command(flatten)]
+    model_free: ModelFreeArgs,
     #[command(flatten)]
     options: OptionArgs,
 }
@@ -195,6 +199,28 @@ impl OnlineArgs {
         Ok(())
     }
 
+    /// The run without a world model that is asked for, if one is: by its agent, or by being the run to go on with.
+    fn model_free(&self) -> Result<Option<Folder>> {
+        if let Some(found) = self.from.run.as_deref().map(Folder::open).transpose()?.flatten() {
+            let mut options = found.options().clone();
+            self.lay_over(&mut options.online)?;
+            return Ok(Some(Folder::create_or_open(found.path(), options)?));
+        }
+        let Some(task) = self.from.task.as_deref().filter(|_| self.model_free.is_asked()) else {
+            if self.model_free.is_asked() {
+                let text = "agents without a world model begin with --task, or go on with a run of theirs";
+                anyhow::bail!(vibes_train::TrainError::Options(text.to_owned()));
+            }
+            return Ok(None);
+        };
+        let mut world = prepare::default_world(task)?;
+        world.size = self.model_free.picture_size()?.or(world.size);
+        let mut options = prepare::default_options(world, false);
+        self.lay_over(&mut options)?;
+        let seed = self.options.resolve()?.seed;
+        Ok(Some(self.model_free.prepare(self.output.as_deref(), seed, options)?))
+    }
+
     /// The run and its options: those of the run to go on from, or the defaults; what was typed lies over them.
     fn prepare(&self) -> Result<Prepared> {
         if let Some(task) = &self.from.task {
@@ -292,6 +318,9 @@ impl BehaviourArgs {
 }
 
 pub(crate) fn run(context: &Context, args: &OnlineArgs) -> Result<()> {
+    if let Some(folder) = args.model_free()? {
+        return model_free::run(context, &folder);
+    }
     let prepared = args.prepare()?;
     let device = context.device.open()?;
     let stop = super::offline::stop_on_interrupt()?;

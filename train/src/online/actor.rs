@@ -17,17 +17,50 @@ use vibes_env::videos::{VideoLibrary, VideoSet};
 use vibes_env::{EpisodeSeeds, Eyes};
 use vibes_model::agent::{Agent, Choice};
 use vibes_model::encode::RawFrames;
+use vibes_model::sac::SacAgent;
 use vibes_model::{ObservationKind, init};
 
 use super::options::WorldOptions;
 use crate::error::{Result, TrainError};
 use crate::replay;
 
+/// Who acts.
+#[derive(Debug, Clone)]
+pub enum Acting {
+    /// Through a world model's latents.
+    World(Box<Agent>),
+    /// Through stacked pictures.
+    ModelFree(Box<SacAgent>),
+}
+
+impl Acting {
+    fn begin(&mut self) {
+        match self {
+            Self::World(agent) => agent.begin(),
+            Self::ModelFree(agent) => agent.begin(),
+        }
+    }
+
+    /// Takes in a frame and the action before it, and chooses the next.
+    fn act(&mut self, frame: &Frame, action: &[f32], choice: Choice, rng: &mut impl Rng) -> Result<Vec<f32>> {
+        match self {
+            Self::World(agent) => {
+                let seen = seen(agent, frame);
+                Ok(agent.act(seen, action, choice, rng)?)
+            }
+            Self::ModelFree(agent) => {
+                agent.observe(&frame.pixels)?;
+                Ok(agent.choose(choice, rng))
+            }
+        }
+    }
+}
+
 /// An episode to live through.
 #[derive(Debug)]
 pub struct Task {
     /// Who acts; without an agent, actions are drawn uniformly from the task's bounds.
-    pub agent: Option<Agent>,
+    pub agent: Option<Acting>,
     /// Mode or sample.
     pub choice: Choice,
     /// Standard deviation of noise on the executed action, in units of −1..1.
@@ -159,8 +192,7 @@ fn live(eyes: &mut Eyes, task: &mut Task, steps: u32) -> Result<(Episode, serde_
     for _ in 0..steps {
         action = match &mut task.agent {
             Some(agent) => {
-                let seen = seen(agent, &frame);
-                let mut action = agent.act(seen, &action, task.choice, &mut choices)?;
+                let mut action = agent.act(&frame, &action, task.choice, &mut choices)?;
                 explore(&mut action, &low, &high, task.exploration, &mut choices);
                 action
             }

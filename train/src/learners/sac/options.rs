@@ -7,6 +7,8 @@ use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
+use vibes_model::cross_entropy::CrossEntropy;
+use vibes_model::sac::SacConfig;
 
 use super::augment::Augment;
 use crate::error::{Result, TrainError};
@@ -156,6 +158,28 @@ impl SacOptions {
             Size::Paper => options,
             Size::Small => Self { batch: 128, hidden: 256, views: 1, next_views: 1, ..options },
         })
+    }
+}
+
+impl SacOptions {
+    /// The networks these options ask for, for pictures and actions of a task.
+    pub fn networks(&self, task: &str, picture: [usize; 2], (min, max): (Vec<f32>, Vec<f32>)) -> SacConfig {
+        let search = CrossEntropy { samples: self.samples, elites: self.elites, iterations: self.iterations };
+        SacConfig {
+            task: task.to_owned(),
+            picture,
+            view: self.augment.size(picture),
+            stack: self.stack,
+            action_min: min,
+            action_max: max,
+            feature: self.feature,
+            hidden: self.hidden,
+            squash: self.squash,
+            search: (!self.actor).then_some(search),
+            random_share: self.random_share as f32,
+            bilinear: self.auxiliary == Auxiliary::Curl,
+            transition: self.auxiliary.has_transition(),
+        }
     }
 }
 

@@ -1,0 +1,126 @@
+//! All networks of a model-free agent in one place, and their file. In: sizes, or a checkpoint. Out: what a learner trains and an agent acts with.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use burn::module::{Module, Param};
+use burn::tensor::{Device, Tensor};
+use rand::{Rng, SeedableRng};
+
+use super::actor::SoftActor;
+use super::config::SacConfig;
+use super::critic::TwinCritic;
+use super::features::{orthogonal_linear, orthogonal_mlp};
+use crate::checkpoint::{load_tensors, not_a_checkpoint, save_tensors};
+use crate::error::ModelError;
+use crate::init::constant;
+use crate::linear::Linear;
+use crate::mlp::Mlp;
+use crate::parameters::{read_parameters, write_parameters};
+
+/// First temperature.
+const TEMPERATURE: f32 = 0.1;
+
+/// The weight of entropy, as its logarithm.
+#[derive(Module, Debug)]
+pub struct Temperature {
+    /// `[1]`
+    pub log: Param<Tensor<1>>,
+}
+
+/// A Gaussian model of the next features, and a model of the reward (facebookresearch/deep_bisim4control).
+#[derive(Module, Debug)]
+pub struct Transition {
+    /// (features, action) to mean and spread of the next features.
+    pub next: Mlp,
+    /// Predicted next features to the reward.
+    pub reward: Mlp,
+}
+
+/// What only some systems have beside critics and actor.
+#[derive(Module, Debug)]
+pub struct Further {
+    /// CURL's bilinear form: `[feature, feature]`
+    pub bilinear: Option<Linear>,
+    /// Model of features and rewards.
+    pub transition: Option<Transition>,
+}
+
+/// A model-free agent's networks.
+#[derive(Debug, Clone)]
+pub struct SacNetworks {
+    /// Sizes and constants.
+    pub config: SacConfig,
+    /// Convolutions and critics.
+    pub critic: TwinCritic,
+    /// Their slow copy, which targets and keys come from.
+    pub slow: TwinCritic,
+    /// None where the best action is searched for.
+    pub actor: Option<SoftActor>,
+    /// Weight of the actor's entropy.
+    pub temperature: Temperature,
+    /// The rest.
+    pub further: Further,
+}
+
+impl SacNetworks {
+    /// New networks with first values drawn from `rng`; the slow copy begins as the critics themselves.
+    ///
+    /// # Errors
+    /// The pictures are too small.
+    pub fn init(config: SacConfig, rng: &mut impl Rng, device: &Device) -> Result<Self, ModelError> {
+        let critic = TwinCritic::init(&config, rng, device)?;
+        let actor = config.search.is_none().then(|| SoftActor::init(&config, rng, device)).transpose()?;
+        let (feature, hidden) = (config.feature, config.hidden);
+        let bilinear = config.bilinear.then(|| orthogonal_linear([feature, feature], rng, device));
+        let transition = config.transition.then(|| Transition {
+            next: orthogonal_mlp([feature + config.actions(), hidden, 2 * feature], rng, device),
+            reward: orthogonal_mlp([feature, hidden, 1], rng, device),
+        });
+        Ok(Self {
+            slow: critic.clone(),
+            critic,
+            actor,
+            temperature: Temperature { log: constant([1], TEMPERATURE.ln(), device) },
+            further: Further { bilinear, transition },
+            config,
+        })
+    }
+
+    /// Writes them to a new file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), ModelError> {
+        let mut tensors = read_parameters(&self.critic, "critic");
+        tensors.extend(read_parameters(&self.slow, "slow"));
+        tensors.extend(read_parameters(&self.temperature, "temperature"));
+        tensors.extend(read_parameters(&self.further, "further"));
+        if let Some(actor) = &self.actor {
+            tensors.extend(read_parameters(actor, "actor"));
+        }
+        let config = serde_json::to_string(&self.config).map_err(|error| not_a_checkpoint(path, error))?;
+        save_tensors(path, &tensors, HashMap::from([("sac".to_owned(), config)]))
+    }
+
+    /// Builds the networks a file describes and reads their weights.
+    ///
+    /// # Errors
+    /// The file is missing, is not such a checkpoint, or its tensors do not fit its own description.
+    pub fn load(path: &Path, device: &Device) -> Result<Self, ModelError> {
+        let (tensors, metadata) = load_tensors(path)?;
+        let config = metadata.get("sac").ok_or_else(|| not_a_checkpoint(path, "it has no metadata entry `sac`"))?;
+        let config: SacConfig = serde_json::from_str(config).map_err(|error| not_a_checkpoint(path, error))?;
+        // The first values are overwritten, so any generator does.
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(0);
+        let new = Self::init(config, &mut rng, device)?;
+        Ok(Self {
+            critic: write_parameters(new.critic, "critic", &tensors)?,
+            slow: write_parameters(new.slow, "slow", &tensors)?,
+            actor: new.actor.map(|actor| write_parameters(actor, "actor", &tensors)).transpose()?,
+            temperature: write_parameters(new.temperature, "temperature", &tensors)?,
+            further: write_parameters(new.further, "further", &tensors)?,
+            config: new.config,
+        })
+    }
+}

@@ -1,0 +1,200 @@
+//! `vibes-train online --agent sac|qt-opt`: the agents without a world model, by the names of the systems that have them.
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use vibes_train::fit::{End, Go};
+use vibes_train::learners::sac::augment::Augment;
+use vibes_train::learners::sac::options::{Auxiliary, SacOptions, Size};
+use vibes_train::online::model_free::folder::{FORMAT, Folder, ModelFreeOptions};
+use vibes_train::online::model_free::{Event, model_free};
+use vibes_train::online::options::OnlineOptions;
+
+use super::Context;
+
+/// Time between lines.
+const EVERY: Duration = Duration::from_secs(15);
+
+/// Which agent learns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum AgentKind {
+    /// Actor and critic in the imagination of a world model.
+    Dreamer,
+    /// Soft actor-critic from stacked pictures.
+    Sac,
+    /// Critics alone; the best action is searched for.
+    QtOpt,
+}
+
+/// Agents without a world model.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Agents without a world model (--agent sac or qt-opt)")]
+pub(crate) struct ModelFreeArgs {
+    /// The agent: dreamer, sac or qt-opt.
+    #[arg(long, value_enum, default_value_t = AgentKind::Dreamer)]
+    agent: AgentKind,
+    /// The system to begin as: sac-rad, sac-drq, curl, deepmdp, dbc, mico, or qt-opt-rad, qt-opt-drq [default: sac-drq, qt-opt-drq].
+    #[arg(long, value_name = "NAME")]
+    system: Option<String>,
+    /// Its size: small (64 pixels, batches of 128, one view) or paper (84 pixels, batches of 512) [default: small].
+    #[arg(long, value_parser = parse_size, value_name = "small|paper")]
+    system_size: Option<Size>,
+    /// How pictures are varied: none, crop or shift.
+    #[arg(long)]
+    augment: Option<Augment>,
+    /// Views of the next stack that targets are averaged over (K).
+    #[arg(long, value_name = "K")]
+    next_views: Option<usize>,
+    /// Views of the stack that the critics' loss is added up over (M).
+    #[arg(long, value_name = "M")]
+    views: Option<usize>,
+    /// What stands beside the critics' loss: none, curl, deepmdp, dbc, mico or simsr.
+    #[arg(long)]
+    auxiliary: Option<Auxiliary>,
+    /// Transitions a batch.
+    #[arg(long, value_name = "N")]
+    transitions: Option<usize>,
+    /// Updates for every agent step [default: 0.5 small, 1 paper].
+    #[arg(long, value_name = "X")]
+    updates_per_step: Option<f64>,
+}
+
+fn parse_size(text: &str) -> std::result::Result<Size, String> {
+    match text {
+        "small" => Ok(Size::Small),
+        "paper" => Ok(Size::Paper),
+        _ => Err("the sizes are small and paper".to_owned()),
+    }
+}
+
+impl ModelFreeArgs {
+    /// Whether such an agent is asked for.
+    pub(crate) fn is_asked(&self) -> bool {
+        self.agent != AgentKind::Dreamer
+    }
+
+    /// The size of the pictures, if the system's size says one.
+    pub(crate) fn picture_size(&self) -> Result<Option<u32>> {
+        let crop = self.options()?.augment == Augment::Crop;
+        Ok(match self.system_size {
+            // A crop keeps 84 of 100 pixels, so that 84 are seen.
+            Some(Size::Paper) if crop => Some(100),
+            Some(Size::Paper) => Some(84),
+            _ => None,
+        })
+    }
+
+    fn system(&self) -> String {
+        let default = if self.agent == AgentKind::QtOpt { "qt-opt-drq" } else { "sac-drq" };
+        self.system.clone().unwrap_or_else(|| default.to_owned())
+    }
+
+    fn size(&self) -> Size {
+        self.system_size.unwrap_or(Size::Small)
+    }
+
+    fn options(&self) -> Result<SacOptions> {
+        let system = SacOptions::system(&self.system(), self.size())?;
+        let wanted = self.agent == AgentKind::Sac;
+        if system.actor != wanted {
+            let kind = if system.actor { "sac" } else { "qt-opt" };
+            anyhow::bail!(vibes_train::TrainError::Options(format!(
+                "the system {} is of --agent {kind}; leave out one of the two",
+                self.system()
+            )));
+        }
+        Ok(SacOptions {
+            augment: self.augment.unwrap_or(system.augment),
+            next_views: self.next_views.unwrap_or(system.next_views),
+            views: self.views.unwrap_or(system.views),
+            auxiliary: self.auxiliary.unwrap_or(system.auxiliary),
+            batch: self.transitions.unwrap_or(system.batch),
+            ..system
+        })
+    }
+
+    /// The run to begin, or to go on with, in this world.
+    pub(crate) fn prepare(&self, output: Option<&Path>, seed: u64, online: OnlineOptions) -> Result<Folder> {
+        let options = ModelFreeOptions {
+            format: FORMAT.to_owned(),
+            system: self.system(),
+            size: self.size(),
+            seed,
+            agent: self.options()?,
+            updates_per_step: self.updates_per_step.unwrap_or(match self.size() {
+                Size::Small => 0.5,
+                Size::Paper => 1.0,
+            }),
+            save_every: 10,
+            online,
+        };
+        let folder = format!("runs/{}-{}", options.online.world.task, options.system);
+        let path = output.map_or_else(|| PathBuf::from(folder), Path::to_owned);
+        Ok(Folder::create_or_open(&path, options)?)
+    }
+}
+
+/// Trains, and says how it goes.
+#[allow(clippy::print_stdout, clippy::print_stderr, reason = "the command line says what it does")]
+pub(crate) fn run(context: &Context, folder: &Folder) -> Result<()> {
+    let device = context.device.open()?;
+    let stop = super::offline::stop_on_interrupt()?;
+    let (options, path) = (folder.options(), folder.path().display());
+    let say = |text: &str| {
+        if !context.quiet {
+            eprintln!("{text}");
+        }
+    };
+    say(&format!(
+        "{} ({:?}) on {}, distractors {}, {} updates per agent step; into {path}",
+        options.system,
+        options.size,
+        options.online.world.task,
+        options.online.world.distractors.axes,
+        options.updates_per_step
+    ));
+    let mut said: Option<Instant> = None;
+    let end = model_free(folder, &device, &mut |event| {
+        match &event {
+            Event::Start { control_steps: 0 } | Event::Update => {}
+            Event::Start { control_steps } => say(&format!("going on after {control_steps} control steps")),
+            Event::Lived(line) => {
+                let is_due = std::io::stderr().is_terminal() || said.is_none_or(|said| said.elapsed() >= EVERY);
+                if is_due || context.verbose {
+                    said = Some(Instant::now());
+                    say(&format!(
+                        "{} of {} control steps ({} agent steps): return {:.1}, target {:.2}, critic loss {:.3}, {:.0} control steps/s",
+                        line.control_steps,
+                        options.online.control_steps,
+                        line.agent_steps,
+                        line.training_return,
+                        line.target,
+                        line.critic_loss,
+                        line.control_steps_per_second
+                    ));
+                }
+            }
+            Event::Evaluated(evaluation) => say(&format!(
+                "evaluated at {} control steps: mean return {:.1} on held-out videos",
+                evaluation.counters.control_steps, evaluation.held_out.mean_return
+            )),
+        }
+        if stop.load(std::sync::atomic::Ordering::Relaxed) { Go::Stop } else { Go::On }
+    })?;
+    if context.json {
+        let end = format!("{end:?}").to_lowercase();
+        println!("{}", serde_json::json!({ "run": folder.path(), "end": end }));
+    } else if !context.quiet {
+        match end {
+            End::Nothing => {
+                println!("{path} has lived through its control steps already; ask for more with --control-steps N");
+            }
+            End::Updates => println!("done: {path}"),
+            End::Minutes | End::Stopped => println!("stopped and saved; the same command goes on from there: {path}"),
+        }
+    }
+    Ok(())
+}

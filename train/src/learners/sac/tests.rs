@@ -1,0 +1,148 @@
+//! On pictures whose brightness says which action is best, with no future: the optimum is known. And what must hold of every update.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use burn::tensor::Device;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use vibes_model::agent::Choice;
+use vibes_model::parameters::read_parameters;
+use vibes_model::sac::{SacAgent, SacNetworks};
+
+use super::augment::Augment;
+use super::options::{Auxiliary, SYSTEMS, SacOptions, Size};
+use super::transitions::Transitions;
+use super::update::SacLearner;
+
+const SIDE: usize = 16;
+
+fn options(system: &str) -> SacOptions {
+    let options = SacOptions::system(system, Size::Small).unwrap();
+    // A crop of so small a picture would leave less than the convolutions need.
+    let augment = if options.augment == Augment::Crop { Augment::Shift } else { options.augment };
+    SacOptions { batch: 32, hidden: 32, feature: 16, samples: 16, actor_every: 1, augment, ..options }
+}
+
+fn learner(options: &SacOptions) -> SacLearner {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let config = options.networks("made-up", [SIDE, SIDE], (vec![-2.0], vec![2.0]));
+    SacLearner::new(SacNetworks::init(config, &mut rng, &Device::flex()).unwrap(), &Device::flex())
+}
+
+/// The best action at a brightness, in the task's bounds −2..2.
+fn best(level: u8) -> f32 {
+    1.6 * (f32::from(level) / 127.5 - 1.0)
+}
+
+fn transitions(options: &SacOptions, rng: &mut impl Rng) -> Transitions {
+    let stack = SIDE * SIDE * 3 * options.stack;
+    let mut made = Transitions {
+        rows: options.batch,
+        shape: [SIDE, SIDE, 3 * options.stack],
+        stacks: Vec::new(),
+        next_stacks: Vec::new(),
+        actions: Vec::new(),
+        rewards: Vec::new(),
+    };
+    for _ in 0..options.batch {
+        let level: u8 = rng.random();
+        let action: f32 = rng.random_range(-1.0..1.0);
+        made.stacks.resize(made.stacks.len() + stack, level);
+        made.next_stacks.resize(made.next_stacks.len() + stack, rng.random());
+        made.actions.push(action);
+        made.rewards.push(1.0 - (2.0 * action - best(level)).powi(2));
+    }
+    made
+}
+
+/// Mean distance of the agent's action from the best one.
+fn distance(learner: &SacLearner) -> f32 {
+    let mut agent = SacAgent::new(&learner.networks, &Device::flex());
+    let mut rng = ChaCha8Rng::seed_from_u64(8);
+    let levels: Vec<u8> = (0..=8).map(|step| step * 31).collect();
+    let distances = levels.iter().map(|&level| {
+        agent.begin();
+        agent.observe(&[level; SIDE * SIDE * 3]).unwrap();
+        (agent.choose(Choice::Mode, &mut rng)[0] - best(level)).abs()
+    });
+    distances.sum::<f32>() / levels.len() as f32
+}
+
+#[test]
+fn the_best_action_is_found_where_it_is_known() {
+    for system in ["sac-drq", "qt-opt-drq", "curl"] {
+        let options = SacOptions { discount: 0.0, lr: 2e-3, temperature_lr: 1e-2, ..options(system) };
+        let mut learner = learner(&options);
+        let mut rng = ChaCha8Rng::seed_from_u64(6);
+        let before = distance(&learner);
+        for made in 0..400 {
+            let batch = transitions(&options, &mut rng);
+            (learner, _) = learner.update(&batch, &options, made, &mut rng).unwrap();
+        }
+        let after = distance(&learner);
+        assert!(after < 0.3 && after < 0.5 * before, "{system}: {before} to {after}");
+    }
+}
+
+#[test]
+fn every_system_learns_and_goes_on_from_disk_to_the_same_bytes() {
+    for (system, _) in SYSTEMS {
+        let options = options(system);
+        let step = |learner: SacLearner, made: u64| {
+            let mut rng = ChaCha8Rng::seed_from_u64(100 + made);
+            let batch = transitions(&options, &mut rng);
+            learner.update(&batch, &options, made, &mut rng).unwrap()
+        };
+        let (first, measures) = step(learner(&options), 0);
+        assert_eq!(measures.auxiliary_loss.is_some(), options.auxiliary != Auxiliary::None, "{system}");
+        assert_eq!(measures.actor_loss.is_some(), options.actor, "{system}");
+        let folder = tempfile::tempdir().unwrap();
+        first.save(folder.path()).unwrap();
+        let loaded = SacLearner::load(folder.path(), &Device::flex()).unwrap();
+        let bytes = |learner: &SacLearner| {
+            let folder = tempfile::tempdir().unwrap();
+            learner.save(folder.path()).unwrap();
+            ["sac.safetensors", "sac_optimizer.safetensors", "sac.json"]
+                .map(|file| std::fs::read(folder.path().join(file)).unwrap())
+        };
+        assert!(bytes(&first) == bytes(&loaded), "{system}: saving and loading");
+        let (gone_on, undisturbed) = (step(loaded, 1).0, step(first.clone(), 1).0);
+        assert!(bytes(&gone_on) == bytes(&undisturbed), "{system}: going on");
+        assert!(bytes(&gone_on) != bytes(&first), "{system}: learning");
+    }
+}
+
+#[test]
+fn neither_actor_nor_temperature_moves_the_critics_and_the_slow_copy_follows_by_its_rates() {
+    let options = SacOptions { actor_every: 2, ..options("sac-drq") };
+    let before = learner(&options);
+    let after = |made: u64| {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let batch = transitions(&options, &mut rng);
+        before.clone().update(&batch, &options, made, &mut rng).unwrap().0
+    };
+    // The actor makes a step after an even number of updates only; the critics' step is the same.
+    let (with_actor, without) = (after(0), after(1));
+    let critic = |learner: &SacLearner| read_parameters(&learner.networks.critic, "");
+    assert!(critic(&with_actor) == critic(&without));
+    let slow = |learner: &SacLearner| read_parameters(&learner.networks.slow, "");
+    assert!(slow(&without) == slow(&before) && slow(&with_actor) != slow(&before));
+    let actor = |learner: &SacLearner| read_parameters(learner.networks.actor.as_ref().unwrap(), "");
+    assert!(actor(&without) == actor(&before) && actor(&with_actor) != actor(&before));
+    for (name, copy) in slow(&with_actor) {
+        let rate = if name.contains("convolutions") || name.contains("trunk") { 0.05 } else { 0.01 };
+        let (from, to) = (&slow(&before)[&name], &critic(&with_actor)[&name]);
+        for ((copy, from), to) in copy.values.iter().zip(&from.values).zip(&to.values) {
+            assert!((copy - (from + rate * (to - from))).abs() < 1e-6, "{name}");
+        }
+    }
+}
+
+#[test]
+fn a_loss_that_is_no_number_is_an_error() {
+    let options = options("sac-drq");
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let mut batch = transitions(&options, &mut rng);
+    batch.rewards[0] = f32::NAN;
+    let error = learner(&options).update(&batch, &options, 0, &mut rng).unwrap_err().to_string();
+    assert!(error.contains("critics' loss"), "{error}");
+}

@@ -1,0 +1,285 @@
+//! Online training without a world model: the loop of soft actor-critic, QT-Opt and what stands on them. In: a folder with its options. Out: checkpoints, numbers over time
+//! and evaluations there, and in `RUN/replay/` a recording like any other.
+//!
+//! ```text
+//! model_free.json           system, size, seed, options, world
+//! replay/                   what was lived through, one episode a file
+//! metrics.jsonl             a line an episode
+//! evaluations.jsonl
+//! checkpoints/000500/       the learner's files, and state.json with the counters
+//! ```
+//!
+//! A round is one episode, as in [`online`](super): while the actor's thread lives through it with the weights of the round's beginning, the learner makes the updates
+//! that the episode before has paid for. So every number is decided by the options and the seed, and a run that was stopped goes on from its last checkpoint to the
+//! same bytes.
+
+use std::time::Instant;
+
+use burn::tensor::Device;
+use serde::{Deserialize, Serialize};
+use vibes_env::videos::VideoSet;
+use vibes_model::agent::Choice;
+use vibes_model::sac::{SacAgent, SacNetworks};
+
+use super::actor::{Acting, ActorThread, EpisodeKind, Task, episode_seed};
+use super::evaluate::{self, Evaluation};
+use crate::error::Result;
+use crate::fit::{End, Go};
+use crate::learners::sac::transitions::{Transitions, window_length};
+use crate::learners::sac::update::{SacLearner, SacMeasures};
+use crate::metrics::MetricsFile;
+use crate::replay::{Replay, ReplayOptions};
+use crate::windows::{Prefetch, Purpose, update_rng};
+
+pub mod folder;
+
+use folder::{Folder, ModelFreeOptions};
+
+/// What the loop tells its listener.
+#[derive(Debug)]
+pub enum Event<'a> {
+    /// Training begins, or goes on, after this many control steps.
+    Start {
+        /// Control steps lived through before.
+        control_steps: u64,
+    },
+    /// An episode was lived through, learned from, and logged.
+    Lived(&'a Line),
+    /// An update was made.
+    Update,
+    /// The agent was evaluated.
+    Evaluated(&'a Evaluation),
+}
+
+/// Where training stands: saved with every checkpoint.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// Updates made.
+    pub update: u64,
+    /// Episodes admitted, random ones included.
+    pub episodes: u32,
+    /// Control steps of them.
+    pub control_steps: u64,
+    /// Agent steps of them.
+    pub agent_steps: u64,
+    /// Updates paid for and not made yet; a fraction remains from round to round.
+    pub credit: f64,
+    /// Control steps at which the next evaluation is due.
+    pub next_evaluation: u64,
+    /// Whether the last evaluation has been made.
+    pub is_finished: bool,
+    /// Seconds trained, over every time the run was continued.
+    pub seconds: f64,
+}
+
+/// A line of `metrics.jsonl`: one round.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Line {
+    /// Updates made.
+    pub update: u64,
+    /// Control steps lived through, action repeats counted.
+    pub control_steps: u64,
+    /// Agent steps lived through.
+    pub agent_steps: u64,
+    /// Episodes admitted.
+    pub episodes: u32,
+    /// Return of the episode admitted at the end of the round, exploration included.
+    pub training_return: f64,
+    /// Mean of the critics' loss over the round's updates.
+    pub critic_loss: f64,
+    /// Mean of the targets.
+    pub target: f64,
+    /// That over what rewards of 1 a control step for ever are worth: above 1 something is wrong.
+    pub target_over_bound: f64,
+    /// Mean of the auxiliary loss.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub auxiliary_loss: Option<f64>,
+    /// Mean of −log π.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub entropy: Option<f64>,
+    /// Weight of entropy.
+    pub temperature: f64,
+    /// Control steps a second, end to end.
+    pub control_steps_per_second: f64,
+}
+
+/// Trains until the control steps are lived through and the last evaluation is made, or the listener stops it; goes on from the newest checkpoint.
+///
+/// # Errors
+/// See [`TrainError`](crate::TrainError); everything up to the last checkpoint is kept.
+pub fn model_free(folder: &Folder, device: &Device, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
+    let options = folder.options();
+    let (world, sac) = (&options.online.world, &options.agent);
+    let libraries = [world.video_library(VideoSet::Train)?, world.video_library(VideoSet::Val)?];
+    let manifest = world.manifest(options.seed, libraries[0].videos())?;
+    let resumed = folder.resume(device)?;
+    let mut state = resumed.as_ref().map_or_else(State::default, |(_, state)| *state);
+    if state.is_finished && state.control_steps >= options.online.control_steps {
+        return Ok(End::Nothing);
+    }
+    state.is_finished = false;
+    let learner = match resumed {
+        Some((learner, _)) => learner,
+        None => {
+            let mut rng = update_rng(options.seed, 0, Purpose::Calibration);
+            SacLearner::new(SacNetworks::init(options.networks()?, &mut rng, device)?, device)
+        }
+    };
+    let sizes = ReplayOptions { length: window_length(sac.stack), batch: sac.batch, given_share: 0.0 };
+    let replay = Replay::open(&folder.path().join("replay"), manifest, state.episodes, &[], sizes)?;
+    listen(Event::Start { control_steps: state.control_steps });
+    evaluate::drop_beyond(&folder.evaluations_path(), state.next_evaluation)?;
+    let metrics = MetricsFile::open(&folder.metrics_path(), state.update)?;
+    let evaluations = MetricsFile::open(&folder.evaluations_path(), state.update)?;
+    std::thread::scope(|scope| {
+        let acting = ActorThread::start(scope, world, libraries, replay.writer());
+        Training { folder, options, device, acting, replay, metrics, evaluations, state }.run(learner, listen)
+    })
+}
+
+struct Training<'a> {
+    folder: &'a Folder,
+    options: &'a ModelFreeOptions,
+    device: &'a Device,
+    acting: ActorThread,
+    replay: Replay,
+    metrics: MetricsFile,
+    evaluations: MetricsFile,
+    state: State,
+}
+
+impl Training<'_> {
+    fn run(&mut self, mut learner: SacLearner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
+        while self.state.episodes < self.options.online.prefill.max(1) {
+            let lived = self.acting.live(self.task(None, "random".to_owned()))?;
+            self.admit(lived.steps)?;
+        }
+        loop {
+            let go = self.evaluate(&learner, listen)?;
+            if self.state.is_finished || go == Go::Stop {
+                self.folder.save(&learner, self.state)?;
+                return Ok(if self.state.is_finished { End::Updates } else { End::Stopped });
+            }
+            let begun = Instant::now();
+            let agent = Acting::ModelFree(Box::new(SacAgent::new(&learner.networks, self.device)));
+            self.acting.begin(self.task(Some(agent), format!("online:update={}", self.state.update)))?;
+            let due = self.state.credit.floor();
+            self.state.credit -= due;
+            let (next, round, go) = self.updates(learner, due as u64, listen)?;
+            learner = next;
+            let lived = self.acting.outcome()?;
+            self.admit(lived.steps)?;
+            let seconds = begun.elapsed().as_secs_f64();
+            self.state.seconds += seconds;
+            let line = self.line(&round, lived.episode_return, f64::from(lived.steps) / seconds);
+            self.metrics.append(&line)?;
+            let is_stopped = [go, listen(Event::Lived(&line))].contains(&Go::Stop);
+            if is_stopped || self.state.episodes.is_multiple_of(self.options.save_every.max(1)) {
+                self.folder.save(&learner, self.state)?;
+            }
+            if is_stopped {
+                return Ok(End::Stopped);
+            }
+        }
+    }
+
+    fn task(&self, agent: Option<Acting>, policy: String) -> Task {
+        let number = self.state.episodes;
+        Task {
+            agent,
+            choice: Choice::Sample,
+            exploration: 0.0,
+            videos: VideoSet::Train,
+            seed: episode_seed(self.options.seed, EpisodeKind::Training, u64::from(number)),
+            keep: Some((number, policy)),
+        }
+    }
+
+    /// Admits the episode that was written last; its agent steps pay for updates.
+    fn admit(&mut self, steps: u32) -> Result<()> {
+        self.replay.admit()?;
+        self.state.episodes += 1;
+        self.state.agent_steps += u64::from(steps);
+        self.state.control_steps += u64::from(steps) * u64::from(self.options.online.world.action_repeat);
+        self.state.credit += f64::from(steps) * self.options.updates_per_step;
+        Ok(())
+    }
+
+    /// Makes so many updates on what has been admitted.
+    fn updates(
+        &mut self,
+        mut learner: SacLearner,
+        count: u64,
+        listen: &mut dyn FnMut(Event<'_>) -> Go,
+    ) -> Result<(SacLearner, Vec<SacMeasures>, Go)> {
+        let (seed, first) = (self.options.seed, self.state.update);
+        let (mut round, mut go) = (Vec::new(), Go::On);
+        let Self { replay, state, options, folder, .. } = self;
+        let replay: &Replay = replay;
+        std::thread::scope(|scope| {
+            let batches = Prefetch::start(scope, replay, seed, first..first + count);
+            for _ in 0..count {
+                let mut rng = update_rng(seed, state.update, Purpose::Noise);
+                let batch = Transitions::of_windows(&batches.next()?, &learner.networks.config, &mut rng)?;
+                let made = learner.update(&batch, &options.agent, state.update, &mut rng);
+                let (next, measures) = made.map_err(|error| folder.diverged(error, state.update))?;
+                learner = next;
+                round.push(measures);
+                state.update += 1;
+                if listen(Event::Update) == Go::Stop {
+                    go = Go::Stop;
+                }
+            }
+            Ok((learner, round, go))
+        })
+    }
+
+    fn line(&self, round: &[SacMeasures], training_return: f64, agent_steps_per_second: f64) -> Line {
+        let mean_some = |of: &dyn Fn(&SacMeasures) -> Option<f32>| {
+            let values: Vec<f64> = round.iter().filter_map(of).map(f64::from).collect();
+            (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+        };
+        let mean = |of: &dyn Fn(&SacMeasures) -> f32| mean_some(&|measures| Some(of(measures))).unwrap_or(0.0);
+        let repeat = f64::from(self.options.online.world.action_repeat);
+        let target = mean(&|measures| measures.target);
+        Line {
+            update: self.state.update,
+            control_steps: self.state.control_steps,
+            agent_steps: self.state.agent_steps,
+            episodes: self.state.episodes,
+            training_return,
+            critic_loss: mean(&|measures| measures.critic_loss),
+            target,
+            target_over_bound: target * (1.0 - self.options.agent.discount) / repeat,
+            auxiliary_loss: mean_some(&|measures| measures.auxiliary_loss),
+            entropy: mean_some(&|measures| measures.entropy),
+            temperature: mean(&|measures| measures.temperature),
+            control_steps_per_second: agent_steps_per_second * repeat,
+        }
+    }
+
+    /// When it is due, and at the end.
+    fn evaluate(&mut self, learner: &SacLearner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Go> {
+        let options = &self.options.online;
+        let is_last = self.state.control_steps >= options.control_steps;
+        let is_due = options.evaluate_every > 0 && self.state.control_steps >= self.state.next_evaluation;
+        if !is_last && !is_due {
+            return Ok(Go::On);
+        }
+        let agent = Acting::ModelFree(Box::new(SacAgent::new(&learner.networks, self.device)));
+        let counters = evaluate::Counters {
+            update: self.state.update,
+            control_steps: self.state.control_steps,
+            agent_steps: self.state.agent_steps,
+            episodes: self.state.episodes,
+        };
+        let evaluation = evaluate::evaluate(&self.acting, &agent, options, counters, self.options.seed, is_last)?;
+        self.evaluations.append(&evaluation)?;
+        self.state.is_finished = is_last;
+        self.state.next_evaluation = match options.evaluate_every {
+            0 => u64::MAX,
+            every => (self.state.control_steps / every + 1) * every,
+        };
+        Ok(listen(Event::Evaluated(&evaluation)))
+    }
+}
