@@ -73,6 +73,35 @@ fn a_recording_becomes_latents_becomes_figures() {
     assert_eq!(neighbours["queries"].as_array().map(Vec::len), Some(4), "{text}");
 }
 
+/// One definition for every number: latents measured by the trainer, and the same latents measured from disk by the analyzer, give the same numbers under the same
+/// names, to the last digit.
+#[test]
+fn both_programs_print_the_same_numbers_under_the_same_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    run(folder, "vibes-collect --episodes 4 --steps 24 --video-count 2 --seed 1 -o recordings/train");
+    run(folder, "vibes-collect --grid 3x3 --steps 24 --video-set val --video-count 3 --seed 2 -o recordings/grid");
+    run(folder, "vibes-train offline recordings/train --preset tiny --updates 6 -o runs/tiny");
+    run(folder, "vibes-train encode runs/tiny recordings/grid");
+    run(folder, "vibes-train encode runs/tiny recordings/train -o runs/tiny/training.arrow");
+    let json = |line: &str| -> serde_json::Value { serde_json::from_str(&run(folder, line)).unwrap() };
+    let alike = |trained: &serde_json::Value, analyzed: &serde_json::Value, least: usize| {
+        let analyzed = analyzed["numbers"].as_object().unwrap();
+        assert!(analyzed.len() >= least, "{analyzed:?}");
+        for (name, number) in analyzed {
+            assert_eq!(&trained["report"]["numbers"][name], number, "{name}");
+        }
+    };
+    let grid = "recordings/grid --gap-updates 0 --json";
+    let fitted_on_training = json(&format!("vibes-train evaluate runs/tiny {grid}"));
+    alike(&fitted_on_training, &json("vibes-analyze invariance runs/tiny/latents.arrow --json"), 10);
+    let fit = "--fit runs/tiny/training.arrow";
+    alike(&fitted_on_training, &json(&format!("vibes-analyze probe runs/tiny/latents.arrow {fit} --json")), 16);
+    let held_out = json(&format!("vibes-train evaluate runs/tiny {grid} --probe-episodes 0"));
+    alike(&held_out, &json("vibes-analyze probe runs/tiny/latents.arrow --json"), 16);
+    assert!(held_out["report"]["numbers"]["probe/target in the arm's frame, ahead/s"].is_object(), "{held_out}");
+}
+
 #[test]
 fn every_program_has_help_and_lists_what_it_knows() {
     let folder = tempfile::tempdir().unwrap();
