@@ -1,9 +1,17 @@
 //! Principal components: the plainest map, and where UMAP starts when the graph's spectrum will not do.
 //!
 //! In: a table. Out: `[rows, 2]` positions on the two directions of largest variance, and each one's share of it.
+//!
+//! Everything follows from the covariance matrix, one pass over the rows. Its leading directions come from linfa-reduction where there are ten dimensions
+//! or more, and from linfa-linalg's full decomposition where there are fewer (linfa's iteration cannot begin there) or where the iteration has not
+//! arrived, as with directions that are equally strong.
 
+use linfa::DatasetBase;
+use linfa::traits::Fit;
+use linfa_linalg::cholesky::Cholesky;
 use linfa_linalg::eigh::{EigSort, Eigh};
-use ndarray::Array2;
+use linfa_reduction::Pca;
+use ndarray::{Array1, Array2, Axis, concatenate};
 use rayon::prelude::*;
 
 use crate::{Error, Table};
@@ -32,12 +40,14 @@ pub fn pca(table: &Table<'_>) -> Result<PcaMap, Error> {
     if total == 0.0 {
         return Err(Error::Constant { what: "PCA", rows });
     }
-    let eigen = covariance.eigh().map_err(|source| Error::Linear { what: "PCA", reason: source.to_string() })?;
-    let (variances, vectors) = eigen.sort_eig_desc();
+    let components = match iterated(&covariance, total) {
+        Some(components) => components,
+        None => decomposed(&covariance)?,
+    };
     // Directions without variance are not components.
-    let used = |axis: usize| axis < dims && variances[axis] > 1e-12 * total;
+    let used = |axis: usize| components.get(axis).is_some_and(|component| component.0 > 1e-12 * total);
     let direction = |axis: usize| -> Vec<f64> {
-        let column: Vec<f64> = if used(axis) { vectors.column(axis).to_vec() } else { vec![0.0; dims] };
+        let column: Vec<f64> = if used(axis) { components[axis].1.to_vec() } else { vec![0.0; dims] };
         let largest =
             column.iter().copied().fold(0.0_f64, |largest, x| if x.abs() > largest.abs() { x } else { largest });
         column.iter().map(|x| x * largest.signum()).collect()
@@ -50,8 +60,44 @@ pub fn pca(table: &Table<'_>) -> Result<PcaMap, Error> {
         })
     };
     let positions = table.values().par_chunks(dims).map(at).collect();
-    let share = |axis: usize| if used(axis) { variances[axis] / total } else { 0.0 };
+    let share = |axis: usize| if used(axis) { components[axis].0 / total } else { 0.0 };
     Ok(PcaMap { positions, shares: [share(0), share(1)] })
+}
+
+/// The leading directions and their variances by linfa-reduction; none where it cannot begin or has not arrived at the answer.
+///
+/// It takes rows and not a covariance `C = L Lᵀ`: those of `±Lᵀ` have that covariance, and are as few as twice the dimensions whatever the table's length.
+fn iterated(covariance: &Array2<f64>, total: f64) -> Option<Vec<(f64, Array1<f64>)>> {
+    const LEAST: usize = 10;
+    let dims = covariance.nrows();
+    if dims < LEAST {
+        return None;
+    }
+    // Scaled to a total of 1, and a little more along every axis so that flat directions are no obstacle.
+    let flat = Array2::<f64>::eye(dims) * 1e-14;
+    let root = (covariance / total + flat).cholesky().ok()?.t().to_owned();
+    let rows = concatenate(Axis(0), &[root.view(), (-&root).view()]).ok()?;
+    let found = Pca::params(2).fit(&DatasetBase::from(rows)).ok()?;
+    let component = |direction: &Array1<f64>| {
+        let image = covariance.dot(direction) / total;
+        let variance = direction.dot(&image);
+        let off = (&image - &(direction * variance)).mapv(|x| x * x).sum().sqrt();
+        (off < 1e-9).then(|| (variance * total, direction.clone()))
+    };
+    let norm = |direction: Array1<f64>| {
+        let length = direction.dot(&direction).sqrt();
+        direction / length
+    };
+    let directions = found.components().outer_iter().map(|direction| norm(direction.to_owned()));
+    let components: Vec<(f64, Array1<f64>)> = directions.map(|d| component(&d)).collect::<Option<_>>()?;
+    (components.len() == 2 && components[0].0 >= components[1].0).then_some(components)
+}
+
+/// All directions by rising weakness, with their variances.
+fn decomposed(covariance: &Array2<f64>) -> Result<Vec<(f64, Array1<f64>)>, Error> {
+    let failed = |source: linfa_linalg::LinalgError| Error::Linear { what: "PCA", reason: source.to_string() };
+    let (variances, vectors) = covariance.eigh().map_err(failed)?.sort_eig_desc();
+    Ok(variances.iter().zip(vectors.columns()).map(|(&variance, vector)| (variance, vector.to_owned())).collect())
 }
 
 /// Rows that are summed before their sum is added to the others': fixed, so that the result does not depend on the threads.
@@ -83,7 +129,9 @@ mod tests {
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    use super::pca;
+    use ndarray::{Array1, Array2};
+
+    use super::{decomposed, iterated, pca};
     use crate::{Error, Table};
 
     fn table(values: &[f32], dims: usize, run: impl FnOnce(&Table<'_>)) {
@@ -126,7 +174,7 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let values: Vec<f32> =
             (0..500 * 6).map(|at| 3.0_f32.powi(2 - at % 6) * rng.random_range(-1.0..1.0) + 7.0).collect();
-        let records = ndarray::Array2::from_shape_fn((500, 6), |(row, dim)| f64::from(values[row * 6 + dim]));
+        let records = Array2::from_shape_fn((500, 6), |(row, dim)| f64::from(values[row * 6 + dim]));
         let dataset = linfa::DatasetBase::from(records.clone());
         let theirs = linfa_reduction::Pca::params(2).fit(&dataset).unwrap().predict(&records);
         table(&values, 6, |table| {
@@ -139,6 +187,31 @@ mod tests {
                 }
             }
         });
+    }
+
+    /// Both ways to the components agree where the first arrives, and it says so where it does not: with directions that are exactly as strong as each other, any two
+    /// of them would do, and with one that is alone the second is among equals.
+    #[test]
+    fn the_iteration_agrees_with_the_decomposition_or_says_that_it_has_not_arrived() {
+        let diagonal = |variance: &dyn Fn(usize) -> f64| Array2::from_diag(&Array1::from_shape_fn(16, variance));
+        let (first, second) = (diagonal(&|at| 0.5_f64.powi(at as i32)), diagonal(&|at| 16.0 - at as f64));
+        for covariance in [first, second] {
+            let found = iterated(&covariance, covariance.diag().sum()).expect("distinct directions");
+            for (one, other) in found.iter().zip(decomposed(&covariance).unwrap()) {
+                assert!((one.0 - other.0).abs() < 1e-9 && (one.1.dot(&other.1).abs() - 1.0).abs() < 1e-9);
+            }
+        }
+        for equal in [
+            diagonal(&|_| 1.0),
+            diagonal(&|at| if at == 0 { 4.0 } else { 1.0 }),
+            diagonal(&|at| f64::from(u8::from(at < 2))),
+        ] {
+            if let Some(found) = iterated(&equal, equal.diag().sum()) {
+                for ((variance, direction), exact) in found.iter().zip(decomposed(&equal).unwrap()) {
+                    assert!((variance - exact.0).abs() < 1e-9 && (direction.dot(direction) - 1.0).abs() < 1e-9);
+                }
+            }
+        }
     }
 
     #[test]
