@@ -13,7 +13,7 @@ fn generator(seed: u64) -> ChaCha8Rng {
 
 /// The first 800 of the golden points: 8 arcs in 32 dimensions.
 fn arcs() -> Vec<f32> {
-    let bytes = include_bytes!("../../tests/golden/umap_quality.f32");
+    let bytes = include_bytes!("../../tests/golden/arcs.f32");
     bytes.as_chunks::<4>().0[..800 * 32].iter().map(|&bytes| f32::from_le_bytes(bytes)).collect()
 }
 

@@ -8,7 +8,7 @@ use crate::{Error, Table};
 
 /// 20 arcs on the unit sphere in 32 dimensions, 100 points each.
 fn golden() -> Vec<f32> {
-    let bytes = include_bytes!("../../tests/golden/umap_quality.f32");
+    let bytes = include_bytes!("../../tests/golden/arcs.f32");
     bytes.as_chunks::<4>().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect()
 }
 
