@@ -145,17 +145,22 @@ fn draw(session: &Session, numbers: &Numbers) -> Bars {
     };
     let shares = numbers.iter().filter_map(|n| Some((n.name.strip_suffix("_share")?, n)));
     let shares = shares.map(|(name, n)| bar(name.replace('_', " "), &n.value, n.chance)).collect();
-    let retrievals: Vec<&Number> = numbers.iter().filter(|n| n.name.starts_with("retrieval")).collect();
-    let mut found: Vec<Bar> =
-        retrievals.iter().map(|n| bar(format!("latent, {}", n.name), &n.value, n.chance)).collect();
-    let control = |n: &&Number| Some(bar(format!("actions only, {}", n.name), &n.past_actions?, n.chance));
-    found.extend(retrievals.iter().filter_map(control));
     let whole = Some((0.0, 1.0));
-    Bars {
-        heading: session.heading("Same state, other distractor: same latent?"),
-        groups: vec![
-            BarGroup { axis: "share of the latents' variance".into(), range: whole, bars: shares },
-            BarGroup { axis: "share of rows whose state is found".into(), range: whole, bars: found },
-        ],
+    let mut groups = vec![BarGroup { axis: "share of the latents' variance".into(), range: whole, bars: shares }];
+    for (measure, among) in [
+        ("retrieval_same_step", "state found among all cells of the step"),
+        ("retrieval_any_step", "state found under another distractor"),
+    ] {
+        let of = |n: &Number| {
+            let k = n.name.strip_prefix(measure)?.strip_prefix('@')?;
+            let latent = bar(format!("latent, {k} nearest"), &n.value, n.chance);
+            let actions = n.past_actions.map(|i| bar(format!("actions only, {k} nearest"), &i, n.chance));
+            Some(std::iter::once(latent).chain(actions))
+        };
+        let bars: Vec<Bar> = numbers.iter().filter_map(of).flatten().collect();
+        if !bars.is_empty() {
+            groups.push(BarGroup { axis: format!("{among} ({measure})"), range: whole, bars });
+        }
     }
+    Bars { heading: session.heading("Same state, other distractor: same latent?"), groups }
 }

@@ -77,8 +77,8 @@ impl Task for Reacher {
         vec![
             quantity("wrist cosine", Formula::Cosine(wrist)),
             quantity("wrist sine", Formula::Sine(wrist)),
-            quantity("target in the arm's frame, ahead", seen(0)),
-            quantity("target in the arm's frame, left", seen(1)),
+            quantity("target in arm's frame, ahead", seen(0)),
+            quantity("target in arm's frame, left", seen(1)),
             quantity("distance to the target", Formula::Length(to_target.to_vec())),
             quantity("shoulder velocity", Formula::Qvel(shoulder)),
             quantity("wrist velocity", Formula::Qvel(wrist)),
