@@ -7,11 +7,14 @@ use std::path::{Path, PathBuf};
 use std::{env, fs};
 
 /// The library, named as its own SONAME says, and the licences of what the extension holds.
-const FILES: [&str; 4] = [
+const FILES: [&str; 7] = [
     "libmujoco.so.3.17.0",
     "licenses/mujoco-LICENSE",
     "licenses/mujoco-LICENSES_THIRD_PARTY.md",
     "licenses/dm_control-LICENSE",
+    "../../LICENSE-APACHE",
+    "../../LICENSE-MIT",
+    "../../NOTICE",
 ];
 
 fn main() {

@@ -17,17 +17,29 @@ pub enum Purpose {
     Noise,
     /// Choosing the windows that set the first scales.
     Calibration,
+    /// Imagined actions and latents.
+    Imagination,
+    /// Latents imagined along recorded actions.
+    Foresight,
 }
 
 impl Purpose {
     const COUNT: u64 = 3;
+
+    /// Its stream at an update; stream 0 is the first weights'. What came later has streams of its own, so that the older ones stay as they were.
+    fn stream(self, update: u64) -> u64 {
+        match self {
+            Self::Windows | Self::Noise | Self::Calibration => 1 + Self::COUNT * update + self as u64,
+            Self::Imagination => (1 << 60) + update,
+            Self::Foresight => (1 << 61) + update,
+        }
+    }
 }
 
 /// The generator of one update.
 pub fn update_rng(seed: u64, update: u64, purpose: Purpose) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    // Stream 0 is the first weights'.
-    rng.set_stream(1 + Purpose::COUNT * update + purpose as u64);
+    rng.set_stream(purpose.stream(update));
     rng
 }
 

@@ -7,6 +7,7 @@
 mod arrays;
 mod error;
 mod measures;
+mod models;
 mod recording;
 mod world;
 mod writer;
@@ -19,6 +20,7 @@ fn _vibes(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("Error", module.py().get_type::<error::Error>())?;
     module.add_class::<measures::Table>()?;
     module.add_function(wrap_pyfunction!(measures::past_actions, module)?)?;
+    module.add_class::<models::Model>()?;
     module.add_class::<recording::Recording>()?;
     module.add_class::<recording::Episode>()?;
     module.add_class::<recording::Windows>()?;

@@ -28,7 +28,6 @@ def test_torchrl_collects_from_it():
     torch = pytest.importorskip("torch")
     pytest.importorskip("torchrl")
     from torchrl.envs import GymWrapper
-    from torchrl.envs.libs.dm_control import DMControlWrapper
     from torchrl.envs.utils import check_env_specs
 
     env = GymWrapper(vibes.make(size=32, action_repeat=100, observation="both"))
@@ -36,9 +35,6 @@ def test_torchrl_collects_from_it():
     rollout = env.rollout(25, break_when_any_done=False)
     assert rollout["pixels"].shape == (25, 32, 32, 3) and rollout["pixels"].dtype == torch.uint8
     assert rollout["next", "reward"].shape == (25, 1)
-    dm = DMControlWrapper(vibes.make_dm(size=32, action_repeat=100, observation="both"))
-    check_env_specs(dm)
-    assert dm.rollout(5)["pixels"].shape == (5, 32, 32, 3)
 
 
 def test_pytorch_loads_windows(sample):

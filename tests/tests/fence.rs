@@ -57,7 +57,7 @@ const PACKAGES: &[(&str, &[&[&str]])] = &[
             ],
         ],
     ),
-    ("python", &[&["vibes-data", "vibes-env", "vibes-measure", "numpy", "pyo3", "pythonize"]]),
+    ("python", &[&["vibes-data", "vibes-env", "vibes-measure", "vibes-model", "numpy", "pyo3", "pythonize"]]),
     ("tests", &[&["regex-syntax"]]),
 ];
 

@@ -11,7 +11,7 @@ use rand::Rng;
 use vibes_data::{Episode, EpisodeInfo, Manifest, Recording, RecordingWriter, WindowBatch, WindowSampler};
 
 use crate::error::{Result, TrainError};
-use crate::windows::{Source, Windows, side_by_side};
+use crate::windows::{Source, Windows};
 
 /// The recording of an online run and the windows drawn from it.
 #[derive(Debug)]
@@ -110,7 +110,7 @@ impl Replay {
         if from_given > 0 {
             parts.push(given.draw(from_given, rng));
         }
-        side_by_side(parts)
+        WindowBatch::side_by_side(parts)
     }
 }
 

@@ -6,6 +6,7 @@
     recording = vibes.open("recordings/reacher-easy-10x10")             # episodes and training windows
     table = vibes.measures.Table(latents, recording=recording)
     shares = vibes.measures.variance_shares(table)                      # what the latents hold, with intervals
+    latents = vibes.load("runs/reacher").encode(recording[0])           # a trained model
 
 Everything works with numpy alone except ``make`` and ``make_vec``, which need Gymnasium, and ``make_dm``, which needs dm_env. Whatever goes wrong
 raises :class:`vibes.Error` with the toolkit's own message.
@@ -14,6 +15,7 @@ raises :class:`vibes.Error` with the toolkit's own message.
 from . import measures
 from ._vibes import Error, __version__
 from .make import make, make_dm, make_vec, tasks
+from .models import Model, load
 from .recordings import Episode, Recording, WindowDataset, Windows, open, windows
 from .registry import register
 from .world import World
@@ -24,12 +26,14 @@ register()
 __all__ = [
     "Episode",
     "Error",
+    "Model",
     "Recording",
     "WindowDataset",
     "Windows",
     "World",
     "Writer",
     "__version__",
+    "load",
     "make",
     "make_dm",
     "make_vec",

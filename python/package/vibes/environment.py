@@ -32,7 +32,7 @@ def action_space(world: World) -> spaces.Box:
     return spaces.Box(low, high, dtype=np.float32)
 
 
-class Environment(gymnasium.Env[Any, NDArray[np.float32]]):
+class Environment(gymnasium.Env[Any, Any]):
     """A task of the Distracting Control Suite; see :func:`vibes.make` for the arguments."""
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 25}
@@ -43,7 +43,7 @@ class Environment(gymnasium.Env[Any, NDArray[np.float32]]):
         self.world = open_world(observation, render_mode, {"task": task, **options})
         self.render_mode = render_mode
         self.observation_space = observation_space(self.world, observation)
-        self.action_space = action_space(self.world)
+        self.action_space: spaces.Space[Any] = action_space(self.world)
         spec = self.world.spec
         self.metadata = self.metadata | {"render_fps": round(1 / (spec["control_timestep"] * spec["action_repeat"]))}
         self._kind = observation

@@ -50,6 +50,7 @@ class Table:
         self.latents: NDArray[np.float32] = np.asarray(latents, np.float32)
         if self.latents.ndim != 2:
             raise _vibes.Error(f"latents of shape {self.latents.shape}; right is [rows, dims]")
+        keys: dict[str, Any]
         if recording is not None:
             keys = row_keys(recording)
         elif episode is not None and step is not None:
@@ -66,7 +67,7 @@ class Table:
         return len(self.latents)
 
 
-def row_keys(recording: Recording) -> dict[str, NDArray[Any] | None]:
+def row_keys(recording: Recording) -> dict[str, Any]:
     """``episode``, ``step``, ``state`` and ``distractor`` of every row of a recording, episode after episode; the last two None without a grid."""
     entries = recording.manifest["episodes"]
     rows = [entry["steps"] + 1 for entry in entries]

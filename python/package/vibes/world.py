@@ -6,7 +6,10 @@ a world as what Gymnasium and dm_env expect.
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
 import os
+import sys
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -74,6 +77,8 @@ class World:
         camera_seed: int | None = None,
         color_seed: int | None = None,
     ) -> None:
+        if size is not None:
+            load_triton_first()
         axes = {"background": background_seed, "camera": camera_seed, "color": color_seed}
         options = {
             "task": task,
@@ -194,6 +199,17 @@ class World:
             self._begun[i] = number
             self._next[i] = number + self._environments
         return keys
+
+
+def load_triton_first() -> None:
+    """Loads Triton, where it is installed, before anything is drawn.
+
+    Mesa's software renderer shows its LLVM to every library that is loaded later. Triton, which PyTorch loads at some later moment of its own choice,
+    has an LLVM inside, calls Mesa's instead and ends the process. Loaded first, it keeps to its own.
+    """
+    if "triton" not in sys.modules and importlib.util.find_spec("triton") is not None:
+        with contextlib.suppress(Exception):
+            importlib.import_module("triton")
 
 
 KINDS = ("pixels", "state", "both")

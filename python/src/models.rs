@@ -1,0 +1,227 @@
+//! Trained models: latents of observations, and actions.
+//!
+//! In: a run's folder, observations and actions as arrays. Out: latents `[rows, latent]`, actions `[action]`. The newest checkpoint is taken, on the
+//! CPU. A model of a run without an actor encodes; only one that `vibes-train online` has trained acts.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use vibes_model::agent::{Agent, Choice};
+use vibes_model::encode::{EpisodeEncoder, RawFrames};
+use vibes_model::{ModelConfig, ObservationKind};
+
+use crate::arrays::shaped;
+use crate::error::{refused, unlocked};
+
+/// Rows encoded at a time: memory follows them, not the episode.
+const CHUNK: usize = 128;
+
+/// The newest checkpoint of a run.
+#[pyclass(frozen, module = "vibes._vibes")]
+pub(crate) struct Model {
+    checkpoint: PathBuf,
+    config: ModelConfig,
+    model: Mutex<vibes_model::Model>,
+    actor: Option<Mutex<Acting>>,
+}
+
+impl std::fmt::Debug for Model {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Model").field("checkpoint", &self.checkpoint).finish_non_exhaustive()
+    }
+}
+
+/// An agent in the middle of an episode.
+struct Acting {
+    agent: Agent,
+    /// The action executed last, which the networks take in beside the next observation.
+    executed: Vec<f32>,
+    rng: ChaCha8Rng,
+}
+
+/// Observations on their way to the networks.
+enum Seen {
+    Pixels(Vec<u8>),
+    Vectors(Vec<f32>),
+}
+
+impl Seen {
+    /// Some rows of numbers or bytes, `[rows, width]`.
+    fn rows(&self, rows: std::ops::Range<usize>, width: usize) -> RawFrames<'_> {
+        let range = rows.start * width..rows.end * width;
+        match self {
+            Self::Pixels(bytes) => RawFrames::Pixels(&bytes[range]),
+            Self::Vectors(numbers) => RawFrames::Vectors(&numbers[range]),
+        }
+    }
+}
+
+#[pymethods]
+impl Model {
+    #[new]
+    fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        unlocked(py, || Self::load(&path))
+    }
+
+    /// The checkpoint's folder.
+    #[getter]
+    fn checkpoint(&self) -> PathBuf {
+        self.checkpoint.clone()
+    }
+
+    /// What the model is: its task, what it looks at, the bounds of its actions, its sizes.
+    fn config<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Ok(pythonize::pythonize(py, &self.config)?)
+    }
+
+    /// Whether it has an actor.
+    #[getter]
+    fn acts(&self) -> bool {
+        self.actor.is_some()
+    }
+
+    /// Latents of an episode's rows from its first on: observations `[rows, …]`, the actions before each row `[rows, action]` (the first is not used).
+    fn encode<'py>(
+        &self,
+        py: Python<'py>,
+        observations: &Bound<'py, PyAny>,
+        previous_actions: PyReadonlyArray2<'py, f32>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (seen, rows) = self.seen(observations)?;
+        let width = self.config.actions();
+        if previous_actions.shape() != [rows, width] {
+            let found = previous_actions.shape();
+            return Err(refused(format!("previous actions of shape {found:?}; right is [{rows}, {width}]")));
+        }
+        let actions: Vec<f32> = previous_actions.as_array().iter().copied().collect();
+        let latents = unlocked(py, || {
+            let model = lock(&self.model);
+            let mut encoder = EpisodeEncoder::new(&model, &vibes_model::cpu());
+            let mut latents = Vec::with_capacity(rows * self.config.latent);
+            for start in (0..rows).step_by(CHUNK) {
+                let chunk = start..rows.min(start + CHUNK);
+                let before = &actions[chunk.start * width..chunk.end * width];
+                latents.extend(encoder.push(seen.rows(chunk, self.row_len()), before)?);
+            }
+            Ok::<_, vibes_model::ModelError>(latents)
+        })?;
+        Ok(shaped(py, latents, &[rows, self.config.latent])?.into_any())
+    }
+
+    /// Forgets the episode before.
+    fn begin(&self, seed: u64) -> PyResult<()> {
+        let mut acting = lock(self.actor()?);
+        acting.agent.begin();
+        acting.executed.clear();
+        acting.rng = ChaCha8Rng::seed_from_u64(seed);
+        Ok(())
+    }
+
+    /// The action for one observation, `[1, …]`; `executed` is the action that was executed before it, if it was not the one chosen.
+    fn act<'py>(
+        &self,
+        py: Python<'py>,
+        observation: &Bound<'py, PyAny>,
+        executed: Option<PyReadonlyArray1<'py, f32>>,
+        sample: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let actor = self.actor()?;
+        let (seen, rows) = self.seen(observation)?;
+        if rows != 1 {
+            return Err(refused(format!("{rows} observations; an agent acts on one at a time")));
+        }
+        let executed: Option<Vec<f32>> = executed.map(|action| action.as_array().iter().copied().collect());
+        let choice = if sample { Choice::Sample } else { Choice::Mode };
+        let action = unlocked(py, || {
+            let mut acting = lock(actor);
+            let Acting { agent, executed: last, rng } = &mut *acting;
+            if let Some(executed) = executed {
+                *last = executed;
+            }
+            *last = agent.act(seen.rows(0..1, self.row_len()), last, choice, rng)?;
+            Ok::<_, vibes_model::ModelError>(last.clone())
+        })?;
+        let shape = [action.len()];
+        Ok(shaped(py, action, &shape)?.into_any())
+    }
+}
+
+impl Model {
+    /// The newest checkpoint of a run's folder, or a checkpoint's folder itself.
+    fn load(path: &Path) -> Result<Self, String> {
+        let file = |folder: &Path| folder.join("model.safetensors").is_file();
+        let checkpoint = if file(path) { Some(path.to_owned()) } else { newest_checkpoint(path).filter(|at| file(at)) };
+        let checkpoint = checkpoint.ok_or_else(|| {
+            format!(
+                "no checkpoint here; right is the folder of a run that `vibes-train` has trained: {}",
+                path.display()
+            )
+        })?;
+        let device = vibes_model::cpu();
+        let words = |error: vibes_model::ModelError| error.to_string();
+        let model = vibes_model::Model::load(&checkpoint.join("model.safetensors"), &device).map_err(words)?;
+        let has_actor = checkpoint.join("behaviour.safetensors").is_file();
+        let agent = has_actor.then(|| Agent::load(&checkpoint, &device)).transpose().map_err(words)?;
+        let acting = |agent| Mutex::new(Acting { agent, executed: Vec::new(), rng: ChaCha8Rng::seed_from_u64(0) });
+        Ok(Self { checkpoint, config: model.config.clone(), model: Mutex::new(model), actor: agent.map(acting) })
+    }
+
+    fn actor(&self) -> PyResult<&Mutex<Acting>> {
+        let none = || {
+            let at = self.checkpoint.display();
+            refused(format!("this model has no actor; a run that `vibes-train online` has trained has one: {at}"))
+        };
+        self.actor.as_ref().ok_or_else(none)
+    }
+
+    /// Numbers or bytes of one observation.
+    fn row_len(&self) -> usize {
+        match self.config.observation {
+            ObservationKind::Pixels { height, width } => 3 * height * width,
+            ObservationKind::Vector { len } => len,
+        }
+    }
+
+    /// Observations of the kind and shape that the model looks at, and how many they are.
+    fn seen(&self, observations: &Bound<'_, PyAny>) -> PyResult<(Seen, usize)> {
+        let wrong = |right: String| {
+            let shape = observations.getattr("shape").map_or_else(|_| "none".to_owned(), |shape| shape.to_string());
+            refused(format!("observations of shape {shape}; this model looks at {right}"))
+        };
+        match self.config.observation {
+            ObservationKind::Pixels { height, width } => {
+                let right = || wrong(format!("uint8 [rows, {height}, {width}, 3]"));
+                let array: PyReadonlyArrayDyn<'_, u8> = observations.extract().map_err(|_other| right())?;
+                let fits = array.ndim() == 4 && array.shape()[1..] == [height, width, 3] && array.shape()[0] > 0;
+                let rows = if fits { array.shape()[0] } else { return Err(right()) };
+                Ok((Seen::Pixels(array.as_array().iter().copied().collect()), rows))
+            }
+            ObservationKind::Vector { len } => {
+                let right = || wrong(format!("float32 [rows, {len}]"));
+                let array: PyReadonlyArrayDyn<'_, f32> = observations.extract().map_err(|_other| right())?;
+                let fits = array.ndim() == 2 && array.shape()[1] == len && array.shape()[0] > 0;
+                let rows = if fits { array.shape()[0] } else { return Err(right()) };
+                Ok((Seen::Vectors(array.as_array().iter().copied().collect()), rows))
+            }
+        }
+    }
+}
+
+/// A thread that panicked while it held the lock leaves a model whole, which is only read, and an agent whose next episode begins anew.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The folder of the checkpoint with the most updates.
+fn newest_checkpoint(run: &Path) -> Option<PathBuf> {
+    let folders = std::fs::read_dir(run.join("checkpoints")).ok()?;
+    let number = |folder: std::io::Result<std::fs::DirEntry>| {
+        let path = folder.ok()?.path();
+        Some((path.file_name()?.to_str()?.parse::<u64>().ok()?, path))
+    };
+    folders.filter_map(number).max().map(|(_, path)| path)
+}

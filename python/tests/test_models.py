@@ -1,0 +1,62 @@
+"""Trained models encode and act as the programs do."""
+
+import subprocess
+
+import numpy as np
+import pytest
+import vibes
+from conftest import ROOT, program
+
+CHECKPOINT = ROOT / "checkpoints" / "cartpole-swingup"
+
+
+@pytest.fixture(scope="module")
+def model():
+    return vibes.load(CHECKPOINT)
+
+
+def test_it_says_what_it_is(model):
+    assert model.task == "cartpole-swingup" and model.kind == "pixels"
+    assert (model.checkpoint / "model.safetensors").is_file() and "cartpole" in repr(model)
+
+
+def test_latents_are_those_of_vibes_train_encode(model, recorded, tmp_path):
+    polars = pytest.importorskip("polars")
+    path = recorded("--task", "cartpole-swingup", "--grid", "2x2", "--steps", "9", "--seed", "3")
+    done = subprocess.run([program("vibes-train"), "encode", CHECKPOINT, path, "-o", tmp_path / "latents.arrow"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    theirs = np.stack(polars.read_ipc(tmp_path / "latents.arrow", memory_map=False)["latent"].to_list())
+    recording = vibes.open(path)
+    ours = model.encode_recording(recording)
+    np.testing.assert_allclose(ours, theirs, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(ours, axis=1), 1, atol=1e-5)
+    vibes.measures.variance_shares(vibes.measures.Table(ours, recording=recording))
+
+
+def test_episodes_are_encoded_row_by_row_or_at_once(model):
+    env = vibes.make("cartpole-swingup", seed=2)
+    observation, _ = env.reset()
+    pictures, actions = [observation], []
+    for _ in range(4):
+        actions.append(env.action_space.sample())
+        pictures.append(env.step(actions[-1])[0])
+    whole = model.encode(np.stack(pictures), np.stack(actions))
+    assert whole.shape == (5, model.config["latent"]) and whole.dtype == np.float32
+    np.testing.assert_allclose(model.encode(np.stack(pictures[:3]), np.stack(actions[:2])), whole[:3], atol=1e-5)
+    assert (model.encode(np.stack(pictures), -np.stack(actions)) != whole).any(), "past actions matter"
+
+
+def test_errors_name_what_would_be_right(model, tmp_path):
+    with pytest.raises(vibes.Error, match="vibes-train"):
+        vibes.load(tmp_path)
+    with pytest.raises(vibes.Error, match="no actor"):
+        model.act(np.zeros((64, 64, 3), np.uint8))
+    with pytest.raises(vibes.Error, match=r"uint8 \[rows, 64, 64, 3\]"):
+        model.encode(np.zeros((1, 32, 32, 3), np.uint8))
+    with pytest.raises(vibes.Error, match=r"right is \[2, 1\]"):
+        model.encode(np.zeros((3, 64, 64, 3), np.uint8), np.zeros((1, 1)))
+    (tmp_path / "model.safetensors").write_bytes(b"nonsense")
+    with pytest.raises(vibes.Error):
+        vibes.load(tmp_path)
+    with pytest.raises(vibes.Error):
+        model.encode(np.zeros((0, 64, 64, 3), np.uint8))
