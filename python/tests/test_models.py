@@ -25,7 +25,7 @@ def test_latents_are_those_of_vibes_train_encode(model, recorded, tmp_path):
     path = recorded("--task", "cartpole-swingup", "--grid", "2x2", "--steps", "9", "--seed", "3")
     done = subprocess.run([program("vibes-train"), "encode", CHECKPOINT, path, "-o", tmp_path / "latents.arrow"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    theirs = np.stack(polars.read_ipc(tmp_path / "latents.arrow", memory_map=False)["latent"].to_list())
+    theirs = np.stack(polars.read_ipc(tmp_path / "latents.arrow")["latent"].to_list())
     recording = vibes.open(path)
     ours = model.encode_recording(recording)
     np.testing.assert_allclose(ours, theirs, atol=1e-6)
@@ -44,6 +44,34 @@ def test_episodes_are_encoded_row_by_row_or_at_once(model):
     assert whole.shape == (5, model.config["latent"]) and whole.dtype == np.float32
     np.testing.assert_allclose(model.encode(np.stack(pictures[:3]), np.stack(actions[:2])), whole[:3], atol=1e-5)
     assert (model.encode(np.stack(pictures), -np.stack(actions)) != whole).any(), "past actions matter"
+
+
+TINY = (
+    "--task known-slide --no-pixels --distract none --preset tiny --steps 40 --rows-per-step 16 --prefill 3 --first-updates 20 "
+    "--checkpoint-every 40 --evaluate-every 400 --evaluation-episodes 2 --final-episodes=2 --control-steps 480"
+)
+
+
+def test_it_acts_as_in_the_collector(recorded, tmp_path):
+    run = tmp_path / "run"
+    done = subprocess.run([program("vibes-train"), "online", *TINY.split(), "--quiet", "-o", run], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    path = recorded("--task", "known-slide", "--policy", str(run), "--no-pixels", "--episodes", "2", "--steps", "12")
+    agent = vibes.load(run)
+    assert agent.acts and agent.kind == "vector"
+    for episode in vibes.open(path):
+        agent.begin()
+        for observation, action in zip(episode.observation, episode.action):
+            np.testing.assert_allclose(agent.act(observation), action, atol=1e-6)
+    agent.begin(seed=1)
+    sampled = [agent.act(observation, executed=[0.5], sample=True) for observation in episode.observation]
+    agent.begin(seed=1)
+    again = [agent.act(observation, executed=[0.5], sample=True) for observation in episode.observation]
+    np.testing.assert_array_equal(sampled, again)
+    low, high = agent.config["action_min"], agent.config["action_max"]
+    assert (np.array(low) <= sampled).all() and (sampled <= np.array(high)).all()
+    with pytest.raises(vibes.Error):
+        agent.act(episode.observation[0], executed=[0.1, 0.2, 0.3])
 
 
 def test_errors_name_what_would_be_right(model, tmp_path):
