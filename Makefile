@@ -6,7 +6,12 @@
 export CARGO_TARGET_DIR ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/vibes-toolkit/target
 export PATH := $(CARGO_TARGET_DIR)/debug:$(PATH)
 
-.PHONY: setup build demo demo-online test check bench stress gpu-test
+# Lints come with the build: clippy's driver compiles the workspace, and the dependencies are those that every other build uses.
+# `cargo clippy` would check all of them a second time.
+linted := RUSTC_WORKSPACE_WRAPPER=clippy-driver CLIPPY_ARGS=-Dwarnings
+python = $(shell setup/python.sh --where)/bin
+
+.PHONY: setup build demo demo-online check test tools bench stress gpu-test
 
 setup: ## MuJoCo, the suite's models, EGL
 	@setup/fetch.sh
@@ -22,15 +27,19 @@ demo: build
 demo-online: build ## ten minutes: an agent that learns in the environment, above a random policy
 	@demo/online.sh
 
-check: setup ## formatting, lints, links, dependency fence
+check: setup ## formatting, lints, links and examples in the documentation
 	cargo fmt --all --check
-	cargo clippy --workspace --tests -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --quiet
+	$(linted) cargo build --workspace --all-targets
+	RUSTDOC=$(CURDIR)/setup/rustdoc.sh $(linted) cargo test --workspace --doc --quiet
 
-test: check build
-	cargo test --workspace
-	@[ ! -d data/sample ] || python3 notebooks/run.py
-	@[ ! -d data/sample ] || python3 tests/readers.py
+tools: ## what only the tests need: a Python environment outside the clone, and a browser
+	@setup/python.sh
+	@setup/browser.sh
+
+test: check tools
+	PATH="$(python):$$PATH" $(linted) cargo test --workspace --all-targets
+	PATH="$(python):$$PATH" python notebooks/run.py
+	PATH="$(python):$$PATH" python tests/readers.py
 
 bench: build ## rate cards of the three programs
 	vibes-collect bench

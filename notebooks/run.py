@@ -1,7 +1,7 @@
 """Runs the notebooks' code cells top to bottom without Jupyter: python notebooks/run.py
 
-Needs polars, pyarrow, mcap and numpy; VIBES_RECORDING names another recording than data/sample. Pictures are checked to exist, not shown.
-Exits with 0 and says so when a needed package is missing, so that a machine without them can still run every other check.
+Needs the packages of setup/python.txt; `make test` runs it in an environment of its own that has them. VIBES_RECORDING names another recording
+than data/sample. Pictures are checked to exist, not shown.
 """
 import importlib.util
 import json
@@ -16,8 +16,7 @@ wanted = sys.argv[1:] or ["01", "02", "03", "04"]
 needed = ["numpy", "vibes", "torch"] if wanted == ["05"] else ["numpy", "polars", "pyarrow", "mcap"]
 missing = [name for name in needed if importlib.util.find_spec(name) is None]
 if missing:
-    print(f"notebooks: skipped, these Python packages are missing: {', '.join(missing)}")
-    sys.exit(0)
+    sys.exit(f"notebooks: these Python packages are missing: {', '.join(missing)}; run: pip install -r setup/python.txt")
 
 
 class Image:
@@ -32,7 +31,9 @@ shown.Image, shown.display = Image, lambda *_: None
 sys.modules.setdefault("IPython", types.ModuleType("IPython"))
 sys.modules["IPython.display"] = shown
 os.chdir(HERE)
-for path in sorted(path for path in HERE.glob("[0-9]*.ipynb") if path.name[:2] in wanted):
+notebooks = sorted(path for path in HERE.glob("[0-9]*.ipynb") if path.name[:2] in wanted)
+assert notebooks, "no notebooks found"
+for path in notebooks:
     names = {}
     for number, cell in enumerate(json.loads(path.read_text())["cells"]):
         if cell["cell_type"] == "code":

@@ -5,7 +5,6 @@
 
 mod bench;
 mod compare;
-mod config;
 mod curves;
 mod decode;
 mod grid;
@@ -20,10 +19,11 @@ mod symmetry;
 mod table;
 mod umap;
 
-use std::ffi::OsString;
 use std::path::PathBuf;
+use std::process::ExitCode;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Parser, Subcommand};
+use vibes_command::{Ending, Output as Globals};
 
 use crate::input::InputError;
 
@@ -38,23 +38,6 @@ struct Cli {
     globals: Globals,
     #[command(subcommand)]
     verb: Verb,
-}
-
-/// Options of every verb.
-#[derive(Clone, Debug, Args)]
-struct Globals {
-    /// Print the result as JSON.
-    #[arg(long, global = true)]
-    json: bool,
-    /// Say nothing but the result.
-    #[arg(short, long, global = true)]
-    quiet: bool,
-    /// Say more.
-    #[arg(short, long, global = true, conflicts_with = "quiet")]
-    verbose: bool,
-    /// Take options from a TOML file: `key = value` as in `--key value`, for all verbs or under `[VERB]`. Options typed win.
-    #[arg(long, global = true, value_name = "FILE")]
-    config: Option<PathBuf>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -87,17 +70,6 @@ struct Outcome {
     json: serde_json::Value,
 }
 
-/// Why the program stops.
-#[derive(Debug)]
-pub enum Stop {
-    /// The command line cannot be parsed, or help was asked for.
-    Parse(clap::Error),
-    /// The arguments do not fit the input: exit code 2.
-    Wrong(anyhow::Error),
-    /// The work failed: exit code 1.
-    Failed(anyhow::Error),
-}
-
 /// Arguments that do not fit the input.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
@@ -108,34 +80,30 @@ fn wrong(text: impl Into<String>) -> anyhow::Error {
     WrongArguments(text.into()).into()
 }
 
-impl From<anyhow::Error> for Stop {
-    fn from(error: anyhow::Error) -> Self {
-        use vibes_measure::Error::{NoSuchRow, Option, UnknownName};
-        let arguments = error.chain().any(|e| {
-            e.is::<WrongArguments>()
-                || e.downcast_ref::<InputError>().is_some_and(|e| {
-                    matches!(
-                        e,
-                        InputError::NoSuchColumn { .. } | InputError::NoSuchResult { .. } | InputError::Rows { .. }
-                    )
-                })
-                || e.downcast_ref::<vibes_measure::Error>()
-                    .is_some_and(|e| matches!(e, NoSuchRow { .. } | Option { .. } | UnknownName { .. }))
-        });
-        if arguments { Self::Wrong(error) } else { Self::Failed(error) }
-    }
+/// Runs the program on this process's arguments.
+#[must_use]
+pub fn main() -> ExitCode {
+    vibes_command::run(
+        |cli: Cli| {
+            let outcome = dispatch(&cli)?;
+            print(&outcome, &cli.globals);
+            Ok(Ending::Done)
+        },
+        |error| if is_wrong(error) { Ending::Wrong } else { Ending::Failed },
+    )
 }
 
-/// Runs the program on the arguments (the first is the program's name) and prints the result.
-///
-/// # Errors
-/// [`Stop`], for the exit code.
-pub fn run(args: impl Iterator<Item = OsString>) -> Result<(), Stop> {
-    let args = config::expand(args.collect()).map_err(Stop::from)?;
-    let cli = Cli::try_parse_from(args).map_err(Stop::Parse)?;
-    let outcome = dispatch(&cli)?;
-    print(&outcome, &cli.globals);
-    Ok(())
+/// Whether an error is that of arguments that do not fit the input.
+fn is_wrong(error: &anyhow::Error) -> bool {
+    use vibes_measure::Error::{NoSuchRow, Option, UnknownName};
+    error.chain().any(|e| {
+        e.is::<WrongArguments>()
+            || e.downcast_ref::<InputError>().is_some_and(|e| {
+                matches!(e, InputError::NoSuchColumn { .. } | InputError::NoSuchResult { .. } | InputError::Rows { .. })
+            })
+            || e.downcast_ref::<vibes_measure::Error>()
+                .is_some_and(|e| matches!(e, NoSuchRow { .. } | Option { .. } | UnknownName { .. }))
+    })
 }
 
 /// Runs the verb.
@@ -160,7 +128,7 @@ fn dispatch(cli: &Cli) -> anyhow::Result<Outcome> {
 
 #[allow(clippy::print_stdout, clippy::print_stderr, reason = "the one place that prints results")]
 fn print(outcome: &Outcome, globals: &Globals) {
-    for remark in &outcome.remarks {
+    for remark in outcome.remarks.iter().filter(|_| !globals.quiet) {
         eprintln!("note: {remark}");
     }
     if globals.json {

@@ -596,10 +596,9 @@ fn results_can_be_had_as_json_and_options_from_a_file() {
 fn a_scene_is_right_to_reruns_own_tool() {
     let version =
         Command::new("rerun").arg("--version").output().map(|o| String::from_utf8_lossy(&o.stdout).into_owned());
-    let Some(version) = version.ok().filter(|version| version.contains("0.36.")) else {
-        println!("skipped: no Rerun 0.36 on this machine, the scene was not opened");
-        return;
-    };
+    let version = version.ok().filter(|version| version.contains("0.36.")).expect(
+        "Rerun 0.36 is on the PATH; run `make test`, or: setup/python.sh && export PATH=\"$(setup/python.sh --where)/bin:$PATH\"",
+    );
     let out = folder();
     good(GRID.path(), &["scene", "--episodes", "3,7", "-o", text(out.path())]);
     let scene = out.path().join("scene.rrd");

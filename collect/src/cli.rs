@@ -2,7 +2,6 @@
 
 mod axis_seeds;
 mod bench;
-mod config;
 mod export;
 mod extend;
 mod filter;
@@ -20,7 +19,8 @@ mod verify;
 
 use std::process::ExitCode;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Parser, Subcommand};
+use vibes_command::{Ending as Outcome, Output as OutputArgs};
 
 use crate::Error;
 
@@ -37,20 +37,6 @@ struct Cli {
     record: record::RecordArgs,
     #[command(flatten)]
     output: OutputArgs,
-}
-
-/// How much is said, and in which form.
-#[derive(Clone, Copy, Debug, Default, Args)]
-struct OutputArgs {
-    /// Say more.
-    #[arg(short, long, global = true, conflicts_with = "quiet")]
-    verbose: bool,
-    /// Say nothing but errors.
-    #[arg(short, long, global = true)]
-    quiet: bool,
-    /// Print the result as one JSON object.
-    #[arg(long, global = true)]
-    json: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -81,25 +67,13 @@ enum Verb {
     Bench(bench::BenchArgs),
 }
 
-/// How a run ended, as the exit code says it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Outcome {
-    /// Everything asked for is there.
-    Done,
-    /// It ran, and the answer is no.
-    Failed,
-    /// It finished, but something recorded is damaged or missing.
-    DataLost,
-}
-
 /// Runs the program on this process's arguments.
 pub fn main() -> ExitCode {
-    let arguments = match config::with_config_file(std::env::args_os().collect()) {
-        Ok(arguments) => arguments,
-        Err(error) => return report(&error),
-    };
-    let cli = Cli::parse_from(arguments);
-    let outcome = match cli.verb {
+    vibes_command::run(dispatch, judge)
+}
+
+fn dispatch(cli: Cli) -> anyhow::Result<Outcome> {
+    match cli.verb {
         None => record::run(cli.record, cli.output),
         Some(Verb::Info(args)) => info::run(&args, cli.output),
         Some(Verb::Verify(args)) => verify::run(&args, cli.output),
@@ -113,27 +87,21 @@ pub fn main() -> ExitCode {
         Some(Verb::Render(args)) => render::run(&args, cli.output),
         Some(Verb::Preview(args)) => preview::run(&args, cli.output),
         Some(Verb::Bench(args)) => bench::run(&args, cli.output),
-    };
-    match outcome {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::Failed) => ExitCode::from(1),
-        Ok(Outcome::DataLost) => ExitCode::from(3),
-        Err(error) => report(&error),
     }
 }
 
-/// Prints an error; a name or text that cannot be is the caller's to mend, and exits with 2 like clap's own.
-#[allow(clippy::print_stderr, reason = "the command line reports errors")]
-fn report(error: &anyhow::Error) -> ExitCode {
-    eprintln!("vibes-collect: {error:#}");
+/// How an error ends the program: a name or text that cannot be is the caller's to mend, a folder that another process writes into will be free.
+fn judge(error: &anyhow::Error) -> Outcome {
+    use vibes_data::Error::Owned;
     let is_wrong = match error.downcast_ref::<Error>() {
+        Some(Error::Data(Owned { .. })) => return Outcome::Again,
         Some(Error::World(world)) => is_wrong_argument(world),
         Some(error) => {
             matches!(error, Error::UnknownName { .. } | Error::Shrinks { .. } | Error::Selection { .. })
         }
         None => error.downcast_ref::<vibes_env::Error>().is_some_and(is_wrong_argument),
     };
-    ExitCode::from(if is_wrong { 2 } else { 1 })
+    if is_wrong { Outcome::Wrong } else { Outcome::Failed }
 }
 
 /// Whether the world refused because of what was typed.

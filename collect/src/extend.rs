@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use rustix::fs::{CWD, RenameFlags, renameat_with};
-use vibes_data::{EpisodeEntry, Grid, Manifest, Recording};
+use vibes_data::{EpisodeEntry, FolderLock, Grid, Manifest, Recording};
 
 use crate::care::select::SUBSET;
 use crate::paths::rebase;
@@ -78,6 +78,9 @@ pub struct ExtendRun<'a> {
 pub fn extend(path: &Path, size: Size, run: ExtendRun<'_>, report: &(dyn Fn(Progress) + Sync)) -> Result<Recording> {
     let places = Places::of(path)?;
     places.recover()?;
+    // Before there is anything to own, whether there is anything at all.
+    Recording::open(path)?;
+    let lock = FolderLock::acquire(path)?;
     let recording = Recording::open(path)?;
     let old = options_of(&recording)?;
     check(&recording, &old, size)?;
@@ -102,6 +105,8 @@ pub fn extend(path: &Path, size: Size, run: ExtendRun<'_>, report: &(dyn Fn(Prog
     if !is_wider {
         places.clear()?;
         ask_for(&recording, &options)?;
+        // The recorder takes it over.
+        drop(lock);
         return record(path, &record_run, report);
     }
     let wider = record(&places.larger, &record_run, report)?;

@@ -1,11 +1,11 @@
-//! Everything that can go wrong with a recording: the fact first, what would be right, the path last.
+//! Everything that can go wrong with a recording, a run folder or a table of latents: the fact first, what would be right, the path last.
 
 use std::path::PathBuf;
 
 /// The result of this package's functions.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// What went wrong with a recording or a table of latents.
+/// What went wrong with a recording, a run folder or a table of latents.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The operating system refused.
@@ -56,6 +56,26 @@ pub enum Error {
         /// The value asked for.
         asked: String,
         /// The recording.
+        path: PathBuf,
+    },
+    /// Another process writes into the folder.
+    #[error("{owner} is writing here; wait until it has ended, or name another folder with -o: {path}")]
+    Owned {
+        /// Who it is.
+        owner: String,
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The folder holds no run.
+    #[error("no run here (a run is a folder with a run.json, made by `vibes-train offline` or `online`): {path}")]
+    NoRun {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The run has not saved anything yet.
+    #[error("this run has no checkpoint yet; train it with `vibes-train offline` or `online`: {path}")]
+    NoCheckpoint {
+        /// The run folder.
         path: PathBuf,
     },
     /// An episode that the recording does not hold.

@@ -41,7 +41,7 @@ pub struct Latents {
     pub source: LatentsSource,
 }
 
-/// Where latents come from: paths as the encoding program saw them.
+/// Where latents come from: [places](crate::relative_place) relative to the table's folder.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LatentsSource {
     /// The recording whose rows were encoded.
@@ -113,6 +113,22 @@ pub struct LatentsWriter {
     path: PathBuf,
     writer: FileWriter<BufWriter<File>>,
     dims: usize,
+    partial: Partial,
+}
+
+/// The file that is being written; unless it is finished, it goes with its writer.
+struct Partial {
+    path: PathBuf,
+    finished: bool,
+}
+
+impl Drop for Partial {
+    fn drop(&mut self) {
+        if !self.finished {
+            // What went wrong before is the error to report.
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
 }
 
 impl std::fmt::Debug for LatentsWriter {
@@ -131,9 +147,10 @@ impl LatentsWriter {
             std::fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
         }
         let file = File::create(partial_path(path)).map_err(Error::io("create", path))?;
+        let partial = Partial { path: partial_path(path), finished: false };
         let writer = FileWriter::try_new(BufWriter::new(file), &latents_schema(dims, source));
         let writer = writer.map_err(|error| Error::malformed(path, error.to_string(), "a disk with room"))?;
-        Ok(Self { path: path.into(), writer, dims })
+        Ok(Self { path: path.into(), writer, dims, partial })
     }
 
     /// Adds rows.
@@ -158,10 +175,11 @@ impl LatentsWriter {
     /// # Errors
     /// [`Error::Io`].
     pub fn finish(mut self) -> Result<()> {
-        let partial = partial_path(&self.path);
         self.writer.finish().map_err(|error| Error::malformed(&self.path, error.to_string(), "a disk with room"))?;
         self.writer.get_ref().get_ref().sync_data().map_err(Error::io("write", &self.path))?;
-        std::fs::rename(partial, &self.path).map_err(Error::io("write", &self.path))
+        std::fs::rename(&self.partial.path, &self.path).map_err(Error::io("write", &self.path))?;
+        self.partial.finished = true;
+        Ok(())
     }
 }
 

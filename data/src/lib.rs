@@ -1,7 +1,7 @@
-//! The recording format that the three programs share: what an episode is, how it lies on disk, and how to read it back.
+//! What is on disk, and shared by the three programs: recordings, run folders and tables of latents, how they are written and read back.
 //!
-//! In: finished episodes from `vibes-collect`, latents from `vibes-train`. Out: a folder of Arrow and MCAP files with a
-//! manifest, memory-mapped views of it, random windows for training, and a table of latents for analysis.
+//! In: finished episodes from `vibes-collect`, metrics and latents from `vibes-train`. Out: a folder of Arrow and MCAP files with a manifest,
+//! memory-mapped views of it, random windows for training; a run folder; a table of latents for analysis; one owner for each while it is written.
 //! The format itself is specified in this package's `README.md`.
 
 mod arrow_table;
@@ -10,12 +10,15 @@ mod decoded;
 mod episode;
 mod error;
 mod latents;
+mod lock;
 mod manifest;
 mod map;
 mod mcap_log;
+mod place;
 mod portable;
 mod quantities;
 mod recording;
+mod run;
 mod spec;
 mod updates;
 mod verify;
@@ -29,12 +32,15 @@ pub use decoded::{Decoded, DecodedRow};
 pub use episode::{BackgroundFrame, CameraPose, Episode, EpisodeBuilder, Frame};
 pub use error::{Error, Result};
 pub use latents::{Latents, LatentsSource, LatentsWriter};
+pub use lock::FolderLock;
 pub use manifest::{Cell, EpisodeEntry, FORMAT, FileEntry, Grid, Manifest, Video};
 pub use map::read_table;
 pub use mcap_log::{mcap_bytes, read_mcap};
+pub use place::{find_place, relative_place};
 pub use portable::portable;
 pub use quantities::{About, Formula, Quantity, Readable};
 pub use recording::Recording;
+pub use run::{Metrics, MetricsFile, RUN_FORMAT, RunFolder, RunInfo};
 pub use spec::{ActionSpec, ImageSize, ObservationPart, Spec};
 pub use updates::{Purpose, Windows, update_rng};
 pub use verify::{Finding, verify_episode, verify_recording};

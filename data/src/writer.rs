@@ -9,7 +9,9 @@ use crate::arrow_table::arrow_bytes;
 use crate::atomic::{PARTIAL, partial_path};
 use crate::mcap_log::mcap_bytes;
 use crate::recording::{EPISODES, MANIFEST, episode_path};
-use crate::{Episode, EpisodeEntry, EpisodeView, Error, FileEntry, Manifest, Recording, Result, write_atomically};
+use crate::{
+    Episode, EpisodeEntry, EpisodeView, Error, FileEntry, FolderLock, Manifest, Recording, Result, write_atomically,
+};
 
 /// How often the manifest follows the episodes while a recording grows; at the end it is always complete.
 const MANIFEST_EVERY: Duration = Duration::from_secs(2);
@@ -42,6 +44,8 @@ pub struct RecordingWriter {
     path: PathBuf,
     with_mcap: bool,
     growing: Mutex<Growing>,
+    // Nobody else removes partial files or completes the manifest meanwhile.
+    _lock: FolderLock,
 }
 
 #[derive(Debug)]
@@ -54,9 +58,11 @@ impl RecordingWriter {
     /// Begins a recording, or goes on with the one that is there if it was asked for with the same options.
     ///
     /// # Errors
-    /// [`Error::OtherRecording`] when a recording of other options is there, [`Error::Malformed`] when it is damaged.
+    /// [`Error::OtherRecording`] when a recording of other options is there, [`Error::Malformed`] when it is damaged, [`Error::Owned`] when
+    /// another process writes into it.
     pub fn create_or_resume(path: &Path, manifest: Manifest, with_mcap: bool) -> Result<Self> {
         let folder = path.join(EPISODES);
+        let lock = FolderLock::acquire(path)?;
         let manifest = match Recording::open(path) {
             Ok(found) => {
                 same_request(path, found.manifest(), &manifest)?;
@@ -69,7 +75,7 @@ impl RecordingWriter {
         remove_partial_files(&folder)?;
         manifest.write(&path.join(MANIFEST))?;
         let growing = Mutex::new(Growing { manifest, flushed: Instant::now() });
-        Ok(Self { path: path.into(), with_mcap, growing })
+        Ok(Self { path: path.into(), with_mcap, growing, _lock: lock })
     }
 
     /// Whether the episode of this number is there already.

@@ -57,7 +57,7 @@ impl CnnConfig {
     pub fn maps(&self) -> Result<Vec<[usize; 3]>, ModelError> {
         let (height, width) = (self.height, self.width);
         if height.min(width) < LEAST_SIZE {
-            return Err(ModelError::PictureTooSmall { height, width });
+            return Err(ModelError::PictureTooSmall { height, width, least: LEAST_SIZE });
         }
         let mut maps = vec![[height, width, 3]];
         let (mut h, mut w) = (height, width);

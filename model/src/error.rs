@@ -48,12 +48,14 @@ pub enum ModelError {
         known: Vec<String>,
     },
     /// The network cannot take such pictures.
-    #[error("pictures of {height}×{width} are too small; the network needs at least {least}×{least}", least = crate::cnn::LEAST_SIZE)]
+    #[error("pictures of {height}×{width} are too small; the network needs at least {least}×{least}")]
     PictureTooSmall {
         /// Rows of the picture.
         height: usize,
         /// Columns of the picture.
         width: usize,
+        /// The least rows and columns.
+        least: usize,
     },
     /// The model-free agents' networks cannot take such pictures.
     #[error("pictures of {height}×{width} are too small for four 3×3 convolutions; at least 15×15 are needed")]

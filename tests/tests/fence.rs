@@ -1,92 +1,140 @@
-//! The fence: a package may name only the dependencies that ARCHITECTURE.md gives it.
+//! The fence: a package names exactly the dependencies that the table in ARCHITECTURE.md gives it, those of its tests included, and uses what
+//! it names.
 
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
-use std::collections::BTreeSet;
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 
-/// What every package may use: errors, text formats, numbers, threads.
-const EVERYONE: &[&str] = &[
-    "anyhow",
-    "arrow",
-    "bytemuck",
-    "half",
-    "rand",
-    "rand_chacha",
-    "rayon",
-    "serde",
-    "serde_json",
-    "sha2",
-    "thiserror",
-    "toml",
-];
-/// What a program needs to be one.
-const PROGRAM: &[&str] = &["clap", "ctrlc", "indicatif"];
+type Names = BTreeSet<String>;
 
-/// Folder, and what it alone or with few others may name.
-const PACKAGES: &[(&str, &[&[&str]])] = &[
-    ("data", &[&["bytes", "foxglove", "mcap", "memmap2", "prost", "prost-types"]]),
-    (
-        "collect",
-        &[
-            PROGRAM,
-            &["vibes-data", "mujoco-rs", "khronos-egl", "image", "libc", "rustix"],
-            // The formats of others.
-            &["parquet", "hdf5-pure", "less-avc", "zip"],
-        ],
-    ),
-    ("train/model", &[&["vibes-data", "burn", "burn-flex", "gemm", "memmap2", "safetensors"]]),
-    ("train", &[PROGRAM, &["vibes-data", "vibes-model", "burn", "crc32c", "memmap2", "prost"]]),
-    (
-        "analyze",
-        &[
-            PROGRAM,
-            &[
-                "vibes-data",
-                "rerun",
-                "ab_glyph",
-                "tiny-skia",
-                "linfa",
-                "linfa-linalg",
-                "linfa-reduction",
-                "ndarray",
-                "kiddo",
-                "image",
-                "parquet",
-                "base64",
-            ],
-        ],
-    ),
-    ("python", &[&["vibes-data", "vibes-env", "vibes-measure", "vibes-model", "numpy", "pyo3", "pythonize"]]),
-    ("tests", &[&["regex-syntax"]]),
+/// A row of the table: what a package may name, and what its tests may name beside.
+#[derive(Debug, Default, PartialEq)]
+struct Allowance {
+    package: String,
+    library: Names,
+    tests: Names,
+}
+
+/// Named by a package that uses nothing of it, and why that is right.
+const UNUSED_ON_PURPOSE: &[(&str, &str)] = &[
+    ("tests", "regex-syntax"), // so that builds with and without tests select the same features, and build it once
+    ("collect", "mcap"),       // by fuzz/readers.rs, which its tests include
 ];
 
-fn dependencies(folder: &str) -> BTreeSet<String> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(folder).join("Cargo.toml");
-    let text = std::fs::read_to_string(&path).unwrap();
-    let manifest: toml::Table = text.parse().unwrap();
-    let names = |table: &toml::Value| table.as_table().unwrap().keys().cloned().collect::<Vec<_>>();
-    ["dependencies", "build-dependencies"].iter().filter_map(|key| manifest.get(*key)).flat_map(names).collect()
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn read(path: &str) -> String {
+    std::fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+/// The words in backticks.
+fn quoted(text: &str) -> Names {
+    text.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
+/// The table of packages, by folder, and what every package may use.
+fn architecture() -> (BTreeMap<String, Allowance>, Names) {
+    let text = read("ARCHITECTURE.md");
+    let everyone = text.lines().find(|line| line.starts_with("Every package may also use")).unwrap();
+    let rows = text.lines().filter_map(|line| {
+        let cells: Vec<&str> = line.strip_prefix('|')?.split('|').collect();
+        let [folder, package, _, library, tests, ""] = cells[..] else { return None };
+        let folder = quoted(folder).pop_first()?.trim_end_matches('/').to_owned();
+        let package = quoted(package).pop_first().unwrap_or_default();
+        Some((folder, Allowance { package, library: quoted(library), tests: quoted(tests) }))
+    });
+    (rows.collect(), quoted(everyone))
+}
+
+/// What a package's manifest names: as a library or program, and for its tests alone.
+fn manifest(folder: &str) -> (String, Names, Names) {
+    let manifest: toml::Table = read(&format!("{folder}/Cargo.toml")).parse().unwrap();
+    let names = |key: &str| -> Names {
+        manifest.get(key).and_then(toml::Value::as_table).into_iter().flat_map(toml::Table::keys).cloned().collect()
+    };
+    let package = manifest["package"]["name"].as_str().unwrap().to_owned();
+    let library: Names = &names("dependencies") | &names("build-dependencies");
+    (package, library, names("dev-dependencies"))
+}
+
+/// What the table and the manifests disagree about.
+fn disagreements(folder: &str, may: &Allowance, everyone: &Names) -> Vec<String> {
+    let (package, library, tests) = manifest(folder);
+    let mut found = Vec::new();
+    let mut compare =
+        |what: &str, named: &Names, allowed: &Names, free: &Names| {
+            let table = "the table in ARCHITECTURE.md";
+            found.extend(
+                named
+                    .iter()
+                    .filter(|name| !allowed.contains(*name) && !free.contains(*name))
+                    .map(|name| format!("{folder}/Cargo.toml names {name}{what}, which {table} does not allow")),
+            );
+            found.extend(allowed.difference(named).map(|name| {
+                format!("{table} allows {folder} to use {name}{what}, which its Cargo.toml does not name")
+            }));
+        };
+    compare("", &library, &may.library, everyone);
+    compare(" in tests", &tests, &may.tests, everyone);
+    if package != may.package {
+        found.push(format!("{folder} holds {package}; the table in ARCHITECTURE.md says {}", may.package));
+    }
+    found
 }
 
 #[test]
-fn every_package_names_only_what_it_may() {
-    for (folder, allowed) in PACKAGES {
-        let allowed: BTreeSet<&str> = allowed.iter().copied().chain([EVERYONE]).flatten().copied().collect();
-        for name in dependencies(folder) {
-            assert!(
-                allowed.contains(name.as_str()),
-                "{folder}/Cargo.toml names {name}, which ARCHITECTURE.md does not give it"
-            );
+fn packages_name_exactly_what_the_table_allows() {
+    let (table, everyone) = architecture();
+    let mut found: Vec<String> = table.iter().flat_map(|(folder, may)| disagreements(folder, may, &everyone)).collect();
+    let named: Names = table.keys().flat_map(|folder| manifest(folder).1).collect();
+    found.extend(everyone.difference(&named).map(|name| format!("every package may use {name}, and none does")));
+    assert!(found.is_empty(), "\n{}", found.join("\n"));
+}
+
+#[test]
+fn every_member_is_behind_the_fence() {
+    let manifest: toml::Table = read("Cargo.toml").parse().unwrap();
+    let members = manifest["workspace"]["members"].as_array().unwrap();
+    let members: Names = members.iter().filter_map(toml::Value::as_str).map(str::to_owned).collect();
+    assert_eq!(members, architecture().0.into_keys().collect());
+}
+
+/// All sources below a folder of a package.
+fn sources(path: &Path, all: &mut String) {
+    for entry in std::fs::read_dir(path).into_iter().flatten().flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            sources(&path, all);
+        } else if path.extension().is_some_and(|ending| ending == "rs") {
+            *all += &std::fs::read_to_string(&path).unwrap();
         }
     }
 }
 
 #[test]
-fn every_member_is_behind_the_fence() {
-    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.toml")).unwrap();
-    let manifest: toml::Table = text.parse().unwrap();
-    let members = manifest["workspace"]["members"].as_array().unwrap();
-    let members: BTreeSet<&str> = members.iter().filter_map(toml::Value::as_str).collect();
-    assert_eq!(members, PACKAGES.iter().map(|(folder, _)| *folder).collect());
+fn packages_use_what_they_name() {
+    let (table, _) = architecture();
+    let mut found = Vec::new();
+    for folder in table.keys() {
+        let (_, library, tests) = manifest(folder);
+        let (mut text, mut test_text) = (String::new(), String::new());
+        sources(&root().join(folder).join("src"), &mut text);
+        text += &std::fs::read_to_string(root().join(folder).join("build.rs")).unwrap_or_default();
+        sources(&root().join(folder).join("tests"), &mut test_text);
+        let uses = |text: &str, name: &str| {
+            let name = name.replace('-', "_");
+            [format!("{name}::"), format!("use {name};"), format!("use {name} as")]
+                .iter()
+                .any(|form| text.contains(form))
+        };
+        let purpose = |name: &&String| !UNUSED_ON_PURPOSE.contains(&(folder.as_str(), name.as_str()));
+        let unused = library.iter().filter(|name| !uses(&text, name)).filter(purpose);
+        found.extend(unused.map(|name| format!("{folder} names {name} and does not use it")));
+        let unused = tests.iter().filter(|name| !uses(&test_text, name) && !uses(&text, name)).filter(purpose);
+        found.extend(unused.map(|name| format!("{folder} names {name} for its tests, which do not use it")));
+    }
+    assert!(found.is_empty(), "\n{}", found.join("\n"));
 }

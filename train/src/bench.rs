@@ -14,7 +14,7 @@ use crate::batch::Batch;
 use crate::error::Result;
 use crate::learners::world::{Learner, Phases};
 use crate::options::Options;
-use crate::windows::{Source, Windows};
+use crate::windows::Windows;
 
 mod online;
 

@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use vibes_command::{Ending, Output};
 use vibes_train::TrainError;
 
 mod bench;
@@ -23,6 +24,7 @@ mod offline;
 mod online;
 mod online_progress;
 mod progress;
+mod sweep;
 
 /// Fit VIBES and its ablations to recordings, and encode recordings into latents.
 #[derive(Debug, Parser)]
@@ -31,23 +33,18 @@ struct Cli {
     #[command(subcommand)]
     command: Command,
     #[command(flatten)]
-    context: Context,
-}
-
-/// Options of every command.
-#[derive(Debug, Clone, clap::Args)]
-struct Context {
-    /// Say more.
-    #[arg(short, long, global = true)]
-    verbose: bool,
-    /// Say nothing but errors and results.
-    #[arg(short, long, global = true, conflicts_with = "verbose")]
-    quiet: bool,
-    /// Results as JSON on standard output.
-    #[arg(long, global = true)]
-    json: bool,
+    output: Output,
     /// Where tensors live.
     #[arg(long, global = true, default_value = "flex", value_name = "DEVICE")]
+    device: device::DeviceName,
+}
+
+/// What every command is told beside its own options.
+#[derive(Debug, Clone)]
+struct Context {
+    verbose: bool,
+    quiet: bool,
+    json: bool,
     device: device::DeviceName,
 }
 
@@ -67,33 +64,41 @@ enum Command {
     Info(info::InfoArgs),
     /// Measure how long an update takes, by part.
     Bench(bench::BenchArgs),
+    /// Train many runs from one plan: grids, lists, seeds; here or by Slurm, xargs, Ray.
+    Sweep(sweep::SweepArgs),
 }
 
-/// Reads the arguments, runs the command, and turns its outcome into an exit code: 0 done, 1 failed, 2 wrong arguments.
-pub(crate) fn run() -> ExitCode {
-    let cli = Cli::parse();
-    let outcome = match cli.command {
-        Command::Offline(args) => offline::run(&cli.context, args),
-        Command::Online(args) => online::run(&cli.context, &args),
-        Command::Encode(args) => encode::run(&cli.context, &args),
-        Command::Decode(args) => decode::run(&cli.context, &args),
-        Command::Evaluate(args) => evaluate::run(&cli.context, &args),
-        Command::Info(args) => info::run(&cli.context, &args),
-        Command::Bench(args) => match args.system.clone() {
-            Some(system) => bench::of_agent(&cli.context, &args, &system),
-            None => bench::run(&cli.context, &args),
-        },
-    };
-    match outcome {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            match error.downcast_ref() {
-                Some(TrainError::Options(_)) => ExitCode::from(2),
-                _ => ExitCode::FAILURE,
-            }
-        }
+/// Runs the program on this process's arguments.
+pub(crate) fn main() -> ExitCode {
+    vibes_command::run(dispatch, judge)
+}
+
+/// How an error ends the program: options that cannot be are the caller's to mend, a folder that another process writes into will be free.
+fn judge(error: &anyhow::Error) -> Ending {
+    match error.downcast_ref() {
+        Some(TrainError::Options(_)) => Ending::Wrong,
+        Some(TrainError::Data(vibes_data::Error::Owned { .. })) => Ending::Again,
+        _ => Ending::Failed,
     }
+}
+
+fn dispatch(cli: Cli) -> anyhow::Result<Ending> {
+    let Output { verbose, quiet, json } = cli.output;
+    let context = Context { verbose, quiet, json, device: cli.device };
+    match cli.command {
+        Command::Offline(args) => return offline::run(&context, args),
+        Command::Online(args) => return online::run(&context, &args),
+        Command::Sweep(args) => return sweep::run(&context, &args),
+        Command::Encode(args) => encode::run(&context, &args)?,
+        Command::Decode(args) => decode::run(&context, &args)?,
+        Command::Evaluate(args) => evaluate::run(&context, &args)?,
+        Command::Info(args) => info::run(&context, &args)?,
+        Command::Bench(args) => match args.system.clone() {
+            Some(system) => bench::of_agent(&context, &args, &system)?,
+            None => bench::run(&context, &args)?,
+        },
+    }
+    Ok(Ending::Done)
 }
 
 /// `runs/<recording>-<objective>` beside nothing in particular: in the current folder.

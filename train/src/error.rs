@@ -55,16 +55,12 @@ pub enum TrainError {
         /// The run folder.
         path: PathBuf,
     },
-    /// The folder holds no run.
-    #[error("no run here (a run is a folder with a run.json, made by `vibes-train offline`): {}", path.display())]
-    NoRun {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// The run has not saved anything yet.
-    #[error("this run has no checkpoint yet; train it with `vibes-train offline`: {}", path.display())]
-    NoCheckpoint {
-        /// The run folder.
+    /// A sweep's folder was made by another plan.
+    #[error("this run was made by another plan: {differences}; name another output in the plan, or take the folder away: {}", path.display())]
+    OtherSweep {
+        /// Which keys differ, and how.
+        differences: String,
+        /// The run's folder.
         path: PathBuf,
     },
     /// A model cannot be used with a recording.

@@ -12,7 +12,7 @@ use crate::metrics::Row;
 use crate::options::Options;
 use crate::run::{Run, State};
 use crate::session::{Session, first_learner, out_of_time};
-use crate::windows::{Prefetch, Purpose, Source, Windows, update_rng};
+use crate::windows::{Prefetch, Purpose, Windows, update_rng};
 
 /// Windows that set the first scales.
 const CALIBRATION_WINDOWS: usize = 64;

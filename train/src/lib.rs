@@ -11,6 +11,7 @@
 //! | [`replay`] | what online training has lived through |
 //! | [`run`], [`metrics`], [`vibes_measure::spectrum`] | the run folder, its numbers over time |
 //! | [`mod@summary`], [`tensorboard`] | those numbers on one page, and for TensorBoard |
+//! | [`sweep`] | many runs from one plan |
 //! | [`encode`] | a trained run's latents of a recording |
 //! | [`mod@decode`] | what those latents show: a picture decoder fitted on them |
 //! | [`evaluate`] | how good the latents are, on a held-out grid |
@@ -33,6 +34,7 @@ pub mod replay;
 pub mod run;
 pub mod session;
 pub mod summary;
+pub mod sweep;
 pub mod tensorboard;
 pub mod windows;
 

@@ -2,9 +2,8 @@
 //! row, and the file it is appended to.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File, OpenOptions};
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::fs;
+use std::path::Path;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -108,45 +107,6 @@ impl Averages {
     }
 }
 
-/// An open `metrics.jsonl`.
-#[derive(Debug)]
-pub struct MetricsFile {
-    path: PathBuf,
-    file: File,
-}
-
-impl MetricsFile {
-    /// Opens the file to go on after `update`: lines beyond it, which a stopped run wrote after its last checkpoint, are dropped.
-    ///
-    /// # Errors
-    /// The file cannot be read or written.
-    pub fn open(path: &Path, update: u64) -> Result<Self> {
-        let kept: Vec<String> = match fs::read_to_string(path) {
-            Ok(text) => text
-                .lines()
-                .filter(|line| row_number(line).is_some_and(|number| number <= update))
-                .map(str::to_owned)
-                .collect(),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
-            Err(error) => return Err(io("read", path)(error)),
-        };
-        let text: String = kept.into_iter().map(|line| line + "\n").collect();
-        vibes_data::write_atomically(path, text.as_bytes())?;
-        let file = OpenOptions::new().append(true).open(path).map_err(io("open", path))?;
-        Ok(Self { path: path.to_owned(), file })
-    }
-
-    /// Appends a row.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub fn append(&mut self, row: &impl Serialize) -> Result<()> {
-        let line =
-            serde_json::to_string(row).map_err(|error| malformed(&self.path, error, "numbers that JSON can hold"))?;
-        writeln!(self.file, "{line}").map_err(io("write", &self.path))
-    }
-}
-
 /// Reads every row of a `metrics.jsonl`.
 ///
 /// # Errors
@@ -156,8 +116,4 @@ pub fn read_rows(path: &Path) -> Result<Vec<Row>> {
     let parse =
         |line| serde_json::from_str(line).map_err(|error| malformed(path, error, "one JSON object of metrics a line"));
     text.lines().map(parse).collect()
-}
-
-fn row_number(line: &str) -> Option<u64> {
-    serde_json::from_str::<serde_json::Value>(line).ok()?.get("update")?.as_u64()
 }

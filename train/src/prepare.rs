@@ -1,13 +1,13 @@
 //! Before training: what the recordings hold decides the model, and the run folder is begun or found. In: recordings and options. Out: a run.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use vibes_data::{Recording, Spec};
+use vibes_data::{RUN_FORMAT, Recording, Spec, relative_place};
 use vibes_model::{ModelConfig, ObservationKind};
 
 use crate::error::{Result, TrainError};
 use crate::options::{Observations, Options};
-use crate::run::{FORMAT, Run, RunInfo, versions};
+use crate::run::{Run, RunInfo, versions};
 
 /// Opens or begins the run at `path` for these recordings and options; a new one goes on from the newest checkpoint of the run `from`, if one is named.
 ///
@@ -35,11 +35,11 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
         same_model(from, &model)?;
     }
     let info = RunInfo {
-        format: FORMAT.to_owned(),
+        format: RUN_FORMAT.to_owned(),
         model,
-        from: from.map(Path::to_owned),
+        from: from.map(|from| relative_place(from, path)),
         options: options.clone(),
-        recordings: recordings.iter().map(|recording| recording.path().to_owned()).collect::<Vec<PathBuf>>(),
+        recordings: recordings.iter().map(|recording| relative_place(recording.path(), path)).collect(),
         episodes: recordings.iter().map(|recording| recording.episodes().len()).sum(),
         steps: recordings.iter().flat_map(Recording::episodes).map(|episode| u64::from(episode.steps)).sum(),
         versions: versions(),

@@ -20,12 +20,13 @@
 use std::collections::{BTreeMap, HashMap};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use burn::tensor::Device;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use vibes_data::write_atomically;
+use vibes_data::{FolderLock, Recording, RunFolder, write_atomically};
 use vibes_model::checkpoint::{load_tensors, save_tensors};
 use vibes_model::parameters::{HostTensors, read_parameters};
 use vibes_model::{HeadConfig, Model, ModelConfig};
@@ -33,42 +34,10 @@ use vibes_model::{HeadConfig, Model, ModelConfig};
 use crate::error::{Result, TrainError, io, malformed};
 use crate::gate::Gate;
 use crate::learners::world::Learner;
-use crate::metrics::read_rows;
 use crate::options::Options;
-use crate::summary::summary;
 
-/// What `run.json` holds.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct RunInfo {
-    /// Always `vibes-run/1`.
-    pub format: String,
-    /// The resolved options.
-    pub options: Options,
-    /// The model.
-    pub model: ModelConfig,
-    /// The recordings, as they were named.
-    pub recordings: Vec<PathBuf>,
-    /// The run whose newest checkpoint this one went on from (weights, optimisers, gate), if it did not begin anew.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub from: Option<PathBuf>,
-    /// Episodes and steps in them when the run began.
-    pub episodes: usize,
-    /// Steps of all those episodes.
-    pub steps: u64,
-    /// Versions of what the numbers depend on.
-    pub versions: BTreeMap<String, String>,
-}
-
-impl RunInfo {
-    /// The recordings' folder names.
-    fn recording_names(&self) -> Vec<String> {
-        let name = |path: &PathBuf| {
-            let path = std::path::absolute(path).unwrap_or_else(|_| path.clone());
-            path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
-        };
-        self.recordings.iter().map(name).collect()
-    }
-}
+/// What `run.json` holds, with this package's own options and model.
+pub type RunInfo = vibes_data::RunInfo<Options, ModelConfig>;
 
 /// What `state.json` holds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -92,22 +61,23 @@ pub struct State {
 /// A run folder on disk.
 #[derive(Debug, Clone)]
 pub struct Run {
-    path: PathBuf,
+    folder: RunFolder,
     info: RunInfo,
+    // Held while the run is written; a run that is only read has none.
+    _lock: Option<Arc<FolderLock>>,
 }
 
-/// The format's name in `run.json`.
-pub const FORMAT: &str = "vibes-run/1";
-
 impl Run {
-    /// Begins a run, or opens the one that is there if it was begun with the same options.
+    /// Begins a run, or opens the one that is there if it was begun with the same options; this process owns the folder until the run is dropped.
     ///
     /// # Errors
-    /// Another run is there, or the folder cannot be written.
+    /// Another run is there, another process writes into it, or the folder cannot be written.
     pub fn create_or_open(path: &Path, info: RunInfo) -> Result<Self> {
-        if !path.join("run.json").exists() {
+        let folder = RunFolder::at(path);
+        let lock = Some(Arc::new(FolderLock::acquire(path)?));
+        if !folder.info_path().exists() {
             fs::create_dir_all(path.join("checkpoints")).map_err(io("create", path))?;
-            let run = Self { path: path.to_owned(), info };
+            let run = Self { folder, info, _lock: lock };
             run.write_info()?;
             return Ok(run);
         }
@@ -130,34 +100,23 @@ impl Run {
             return Err(other("recordings", before.join(", "), asked.join(", ")));
         }
         if let (Some(from), Some(asked)) = (&found.info.from, &info.from)
-            && from != asked
+            && Path::new(from).file_name() != Path::new(asked).file_name()
         {
-            return Err(other("from", from.display().to_string(), asked.display().to_string()));
+            return Err(other("from", from.clone(), asked.clone()));
         }
-        let run = Self { path: path.to_owned(), info: RunInfo { from: found.info.from, ..info } };
+        let run = Self { folder, info: RunInfo { from: found.info.from, ..info }, _lock: lock };
         run.write_info()?;
         Ok(run)
     }
 
-    /// Opens a run.
+    /// Opens a run to read it.
     ///
     /// # Errors
     /// There is none, or its `run.json` is damaged.
     pub fn open(path: &Path) -> Result<Self> {
-        let file = path.join("run.json");
-        let text = match fs::read_to_string(&file) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                return Err(TrainError::NoRun { path: path.to_owned() });
-            }
-            Err(error) => return Err(io("read", &file)(error)),
-        };
-        let info: RunInfo = serde_json::from_str(&text)
-            .map_err(|error| malformed(&file, error, "a run.json as `vibes-train offline` writes it"))?;
-        if info.format != FORMAT {
-            return Err(malformed(&file, format!("format {}", info.format), "this program reads vibes-run/1"));
-        }
-        Ok(Self { path: path.to_owned(), info })
+        let folder = RunFolder::at(path);
+        let info = folder.info()?;
+        Ok(Self { folder, info, _lock: None })
     }
 
     /// What `run.json` says.
@@ -165,49 +124,56 @@ impl Run {
         &self.info
     }
 
+    /// The folder's own name.
+    pub fn name(&self) -> String {
+        self.folder.name()
+    }
+
     /// The folder.
     pub fn path(&self) -> &Path {
-        &self.path
+        self.folder.path()
     }
 
     /// The metrics.
     pub fn metrics_path(&self) -> PathBuf {
-        self.path.join("metrics.jsonl")
+        self.folder.metrics_path()
     }
 
     /// The evaluations made while training.
     pub fn evaluations_path(&self) -> PathBuf {
-        self.path.join("evaluations.jsonl")
+        self.folder.evaluations_path()
     }
 
-    /// Writes the page about the run, from the numbers on disk.
+    /// The recordings it learned from.
     ///
     /// # Errors
-    /// The numbers cannot be read or the page cannot be written.
-    pub fn write_summary(&self) -> Result<()> {
-        let rows = if self.metrics_path().exists() { read_rows(&self.metrics_path())? } else { Vec::new() };
-        let evaluations = match fs::read_to_string(self.evaluations_path()) {
-            Ok(text) => text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect(),
-            Err(_none) => Vec::new(),
+    /// One of them is neither where it was nor anywhere near the run.
+    pub fn open_recordings(&self) -> Result<Vec<Recording>> {
+        let open = |place: &String| {
+            let path = self.folder.find_recording(place).unwrap_or_else(|| self.path().join(place));
+            Ok(Recording::open(&path)?)
         };
-        let absolute = std::path::absolute(&self.path).unwrap_or_else(|_unknown| self.path.clone());
-        let name = absolute.file_name().map_or_else(|| "run".into(), |name| name.to_string_lossy().into_owned());
-        let page = summary(&name, &self.info, &rows, &evaluations);
-        Ok(write_atomically(&self.path.join("summary.md"), page.as_bytes())?)
+        self.info.recordings.iter().map(open).collect()
+    }
+
+    /// The run this one goes on from, if it did not begin anew.
+    ///
+    /// # Errors
+    /// The other run is neither where it was nor anywhere near this one.
+    pub fn open_from(&self) -> Result<Option<Self>> {
+        let Some(place) = &self.info.from else { return Ok(None) };
+        let path = self.folder.find_run(place).unwrap_or_else(|| self.path().join(place));
+        Ok(Some(Self::open(&path)?))
     }
 
     /// Every checkpoint's number of updates, ascending.
     pub fn checkpoints(&self) -> Vec<u64> {
-        let Ok(entries) = fs::read_dir(self.path.join("checkpoints")) else { return Vec::new() };
-        let number = |entry: std::io::Result<fs::DirEntry>| entry.ok()?.file_name().to_str()?.parse().ok();
-        let mut numbers: Vec<u64> = entries.filter_map(number).collect();
-        numbers.sort_unstable();
-        numbers
+        self.folder.checkpoints()
     }
 
     /// The folder of a checkpoint.
     pub fn checkpoint_path(&self, update: u64) -> PathBuf {
-        self.path.join("checkpoints").join(format!("{update:06}"))
+        self.folder.checkpoint_path(update)
     }
 
     /// The model file of the newest checkpoint.
@@ -215,9 +181,7 @@ impl Run {
     /// # Errors
     /// There is none yet.
     pub fn newest_model(&self) -> Result<PathBuf> {
-        let newest =
-            self.checkpoints().last().copied().ok_or_else(|| TrainError::NoCheckpoint { path: self.path.clone() })?;
-        Ok(self.checkpoint_path(newest).join("model.safetensors"))
+        Ok(self.folder.newest_model()?)
     }
 
     /// Saves a checkpoint, with whatever `more` writes into its folder, whole or not at all, and lets go of the oldest beyond those to keep.
@@ -225,7 +189,7 @@ impl Run {
     /// # Errors
     /// The folder cannot be written.
     pub fn save(&self, learner: &Learner, state: State, more: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
-        let (place, partial) = (self.checkpoint_path(state.update), self.path.join("checkpoints/.partial"));
+        let (place, partial) = (self.checkpoint_path(state.update), self.path().join("checkpoints/.partial"));
         if partial.exists() {
             fs::remove_dir_all(&partial).map_err(io("remove", &partial))?;
         }
@@ -280,19 +244,11 @@ impl Run {
         Ok((learner, State { update: 0, seconds: 0.0, carried: before.carried + before.update, ..before }))
     }
 
-    /// The recordings it learned from.
-    ///
-    /// # Errors
-    /// One of them is not where it was.
-    pub fn open_recordings(&self) -> Result<Vec<vibes_data::Recording>> {
-        self.info.recordings.iter().map(|path| Ok(vibes_data::Recording::open(path)?)).collect()
-    }
-
     /// A number that is none, said with the update it was met in and where to go on; other errors as they are.
     pub fn diverged(&self, error: TrainError, update: u64) -> TrainError {
         match error {
             TrainError::NotFinite { what, value } => {
-                TrainError::Diverged { update: update + 1, what, value, run: self.path.clone() }
+                TrainError::Diverged { update: update + 1, what, value, run: self.path().to_owned() }
             }
             other => other,
         }
@@ -309,8 +265,8 @@ impl Run {
     }
 
     fn write_info(&self) -> Result<()> {
-        write_json(&self.path.join("run.json"), &self.info)?;
-        let file = self.path.join("config.toml");
+        write_json(&self.folder.info_path(), &self.info)?;
+        let file = self.path().join("config.toml");
         let text = toml::to_string(&self.info.options)
             .map_err(|error| malformed(&file, error, "options that TOML can hold"))?;
         Ok(write_atomically(&file, text.as_bytes())?)

@@ -9,16 +9,17 @@ use burn::tensor::Device;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
-use vibes_data::WindowBatch;
+use vibes_data::{MetricsFile, WindowBatch};
 use vibes_model::Model;
 
 use crate::batch::Batch;
 use crate::error::{Result, TrainError};
 use crate::learners::behaviour::Replayed;
 use crate::learners::world::Learner;
-use crate::metrics::{Averages, MetricsFile, Row};
+use crate::metrics::{Averages, Row};
 use crate::options::{Options, Schedule};
 use crate::run::{Run, State};
+use crate::summary::write_summary;
 use crate::tensorboard::EventFile;
 use crate::windows::{Purpose, update_rng};
 
@@ -138,7 +139,7 @@ impl<'a> Session<'a> {
         self.state.adversary_optimizer_steps = learner.adversary_optimizer.steps();
         self.run.save(learner, self.state, more)?;
         self.saved = self.state.update;
-        self.run.write_summary()
+        write_summary(self.run)
     }
 }
 
@@ -152,8 +153,8 @@ pub fn first_learner(
     device: &Device,
 ) -> Result<(Learner, State)> {
     let options = &run.info().options;
-    if let Some(from) = &run.info().from {
-        return Run::open(from)?.carry_over(options, &run.info().model, device);
+    if let Some(from) = run.open_from()? {
+        return from.carry_over(options, &run.info().model, device);
     }
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut model = Model::init(run.info().model.clone(), &mut rng, device)?;

@@ -4,17 +4,30 @@
 use std::fmt::Write;
 
 use serde_json::Value as Json;
+use vibes_data::{Metrics, write_atomically};
 
+use crate::error::Result;
 use crate::evaluate::open_loop::AHEAD;
 use crate::learners::auxiliary::REGISTRY;
-use crate::metrics::Row;
-use crate::run::RunInfo;
+use crate::metrics::{Row, read_rows};
+use crate::run::{Run, RunInfo};
 
 /// Evaluations shown; of more, the first, the last and some between.
 const SHOWN: usize = 12;
 
+/// Writes the page of a run, from the numbers on disk.
+///
+/// # Errors
+/// The numbers cannot be read or the page cannot be written.
+pub fn write_summary(run: &Run) -> Result<()> {
+    let rows = if run.metrics_path().exists() { read_rows(&run.metrics_path())? } else { Vec::new() };
+    let evaluations = Metrics::read(&run.evaluations_path())?.lines.into_iter().map(Json::Object).collect::<Vec<_>>();
+    let page = summary(&run.name(), run.info(), &rows, &evaluations);
+    Ok(write_atomically(&run.path().join("summary.md"), page.as_bytes())?)
+}
+
 /// The page.
-pub fn summary(name: &str, info: &RunInfo, rows: &[Row], evaluations: &[Json]) -> String {
+fn summary(name: &str, info: &RunInfo, rows: &[Row], evaluations: &[Json]) -> String {
     let mut page = format!("# {name}\n\n");
     about(&mut page, info);
     if let Some(last) = rows.last() {
@@ -29,8 +42,8 @@ pub fn summary(name: &str, info: &RunInfo, rows: &[Row], evaluations: &[Json]) -
 
 fn about(page: &mut String, info: &RunInfo) {
     let (options, model) = (&info.options, &info.model);
-    let recordings: Vec<String> = info.recordings.iter().map(|path| format!("`{}`", path.display())).collect();
-    let from = info.from.as_ref().map_or(String::new(), |from| format!(", going on from `{}`", from.display()));
+    let recordings: Vec<String> = info.recording_names().iter().map(|name| format!("`{name}`")).collect();
+    let from = info.from.as_ref().map_or(String::new(), |from| format!(", going on from `{from}`"));
     let versions: Vec<String> = info.versions.iter().map(|(name, version)| format!("{name} {version}")).collect();
     let lines = [
         format!("Objective **{}** on {} ({}){from}", options.objective, model.task, model.observation),

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use burn::tensor::Device;
 use toml::Table;
-use vibes_data::Recording;
+use vibes_data::{Recording, relative_place};
 use vibes_model::checkpoint::load_tensors;
 use vibes_train::TrainError;
 use vibes_train::fit::{End, Event, Go, fit};
@@ -175,7 +175,7 @@ fn a_run_can_begin_with_the_weights_of_another_of_the_same_model() {
         let pairs = tensor.values.iter().zip(&after[name].values);
         assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-6), "{name}");
     }
-    assert_eq!(vibes_train::run::Run::open(&second).unwrap().info().from.as_deref(), Some(first.as_path()));
+    assert_eq!(vibes_train::run::Run::open(&second).unwrap().info().from, Some(relative_place(&first, &second)));
     let wider = options("updates = 1\nlatent = 9");
     let error = prepare(&folder.path().join("third"), &recordings, &wider, Some(&first)).unwrap_err();
     assert!(matches!(error, TrainError::OtherModel { .. }), "{error}");

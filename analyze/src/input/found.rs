@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use vibes_data::find_place;
+
 use super::InputError;
 
 /// How deep the search goes.
@@ -37,23 +39,16 @@ fn collect(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBuf)>) 
     }
 }
 
-/// The recording that latents name: its path as it stands, or below any folder above the latents.
+/// The recording that latents name, relative to their folder, or below any folder above it.
 #[must_use]
 pub fn find_recording(named: &str, latents: &Path) -> Option<PathBuf> {
-    find(named, latents, |path| path.join("manifest.json").is_file())
+    find_place(named, latents.parent()?, |path| path.join("manifest.json").is_file())
 }
 
-/// The latents that a map names: their path as it stands, or below any folder above the map.
+/// The latents that a map names, relative to its folder, or below any folder above it.
 #[must_use]
 pub fn find_latents(named: &str, map: &Path) -> Option<PathBuf> {
-    find(named, map, Path::is_file)
-}
-
-fn find(named: &str, beside: &Path, is_it: impl Fn(&Path) -> bool) -> Option<PathBuf> {
-    let named = Path::new(named);
-    let beside = std::path::absolute(beside).unwrap_or_else(|_| beside.to_path_buf());
-    let as_it_stands = std::iter::once(named.to_path_buf());
-    as_it_stands.chain(beside.ancestors().skip(1).map(|above| above.join(named))).find(|path| is_it(path))
+    find_place(named, map.parent()?, Path::is_file)
 }
 
 #[cfg(test)]

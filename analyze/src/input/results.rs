@@ -70,7 +70,8 @@ impl Results {
             }
             let run = Run::read(path)?;
             let mut info = BTreeMap::new();
-            flatten("", &run.info, &mut info);
+            let about = run.info.as_ref().and_then(|info| serde_json::to_value(info).ok()).unwrap_or(Value::Null);
+            flatten("", &about, &mut info);
             Ok(Source::Run { run: Box::new(run), info })
         };
         Ok(Self { sources: paths.iter().map(open).collect::<Result<_, InputError>>()? })

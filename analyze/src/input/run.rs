@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
+use vibes_data::{Metrics, RunFolder, RunInfo};
 
 use super::InputError;
 
@@ -27,8 +28,8 @@ pub struct Run {
     pub path: PathBuf,
     /// The folder's name.
     pub name: String,
-    /// `run.json`, or null.
-    pub info: Value,
+    /// `run.json`, if there is one.
+    pub info: Option<RunInfo>,
     /// What the x axis of the series counts, as in `update`.
     pub clock: String,
     /// Every numeric metric.
@@ -43,25 +44,20 @@ impl Run {
     /// # Errors
     /// [`InputError::NoRun`] without a `metrics.jsonl`.
     pub fn read(path: &Path) -> Result<Self, InputError> {
-        let text = match std::fs::read_to_string(path.join("metrics.jsonl")) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                return Err(InputError::NoRun { path: path.into() });
-            }
-            Err(error) => return Err(InputError::io(&path.join("metrics.jsonl"))(error)),
+        let folder = RunFolder::at(path);
+        if !folder.metrics_path().is_file() {
+            return Err(InputError::NoRun { path: path.into() });
+        }
+        let metrics = Metrics::read(&folder.metrics_path())?;
+        // A run of another program may have metrics and no run.json; a damaged one is said.
+        let info = match folder.info() {
+            Ok(info) => Some(info),
+            Err(vibes_data::Error::NoRun { .. }) => None,
+            Err(error) => return Err(error.into()),
         };
-        let info = std::fs::read(path.join("run.json"))
-            .ok()
-            .and_then(|text| serde_json::from_slice(&text).ok())
-            .unwrap_or(Value::Null);
-        let whole = std::path::absolute(path).unwrap_or_else(|_e| path.to_path_buf());
-        let name = whole.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
-        let (mut series, mut broken_lines, mut clock): (BTreeMap<String, Series>, _, _) = (BTreeMap::new(), 0, None);
-        for (number, line) in text.lines().filter(|l| !l.trim().is_empty()).enumerate() {
-            let Ok(Value::Object(row)) = serde_json::from_str::<Value>(line) else {
-                broken_lines += 1;
-                continue;
-            };
+        let name = folder.name();
+        let (mut series, mut clock): (BTreeMap<String, Series>, _) = (BTreeMap::new(), None);
+        for (number, row) in metrics.lines.iter().enumerate() {
             let key = clock.get_or_insert_with(|| CLOCKS.into_iter().find(|c| row.contains_key(*c)).unwrap_or("line"));
             let x = row.get(*key).and_then(Value::as_f64).unwrap_or(number as f64);
             for (metric, value) in row.iter().filter(|(name, _)| !CLOCKS.contains(&name.as_str())) {
@@ -71,29 +67,29 @@ impl Run {
             }
         }
         let clock = clock.unwrap_or("update").to_string();
-        let mut run = Self { path: path.into(), name, info, clock, series, broken_lines };
-        run.add_held_out(&text);
+        let mut run = Self { path: path.into(), name, info, clock, series, broken_lines: metrics.broken };
+        run.add_held_out(&folder, &metrics)?;
         Ok(run)
     }
 
     /// Adds what was measured on a held-out grid: over training, and of single checkpoints.
-    fn add_held_out(&mut self, metrics: &str) {
+    fn add_held_out(&mut self, folder: &RunFolder, metrics: &Metrics) -> Result<(), InputError> {
         let passed = passed(metrics, &self.clock);
-        let over_training = std::fs::read_to_string(self.path.join("evaluations.jsonl")).unwrap_or_default();
-        for line in over_training.lines().filter(|l| !l.trim().is_empty()) {
-            match serde_json::from_str::<Value>(line) {
-                Ok(row) => self.add(HELD_OUT, &row, at(&passed, row["update"].as_f64())),
-                Err(_) => self.broken_lines += 1,
-            }
+        let over_training = Metrics::read(&folder.evaluations_path())?;
+        self.broken_lines += over_training.broken;
+        for row in &over_training.lines {
+            let x = at(&passed, row.get("update").and_then(Value::as_f64));
+            self.add(HELD_OUT, &Value::Object(row.clone()), x);
         }
         for document in evaluations(&self.path) {
             let x = at(&passed, update_of(&document));
             self.add("held_out.gaps", &document["gaps"], x);
             // The report of a checkpoint may be of another grid than the one over training.
-            if over_training.is_empty() {
+            if over_training.lines.is_empty() {
                 self.add(HELD_OUT, &document["report"], x);
             }
         }
+        Ok(())
     }
 
     /// Adds every number of a document at `x`.
@@ -123,13 +119,13 @@ impl Run {
     /// The objective the run was trained with, if `run.json` says.
     #[must_use]
     pub fn objective(&self) -> Option<&str> {
-        find(&self.info, "objective")
+        self.info.as_ref()?.option("objective")
     }
 
     /// The task of its recordings, if `run.json` says.
     #[must_use]
     pub fn task(&self) -> Option<&str> {
-        find(&self.info, "task")
+        self.info.as_ref()?.task()
     }
 
     /// How far training got, in updates.
@@ -140,9 +136,9 @@ impl Run {
 }
 
 /// Updates and what the clock showed then, for clocks that do not count updates.
-fn passed(metrics: &str, clock: &str) -> Vec<(f64, f64)> {
-    let rows = metrics.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
-    rows.filter_map(|row| Some((row["update"].as_f64()?, row[clock].as_f64()?))).collect()
+fn passed(metrics: &Metrics, clock: &str) -> Vec<(f64, f64)> {
+    let rows = metrics.lines.iter();
+    rows.filter_map(|row| Some((row.get("update")?.as_f64()?, row.get(clock)?.as_f64()?))).collect()
 }
 
 /// What the clock showed after an update.
@@ -175,15 +171,12 @@ fn update_of(document: &Value) -> Option<f64> {
     checkpoint.iter().rev().find_map(|part| part.to_str()?.parse::<u64>().ok()).map(|update| update as f64)
 }
 
-/// The first text under this key, anywhere in the document.
-fn find<'a>(value: &'a Value, key: &str) -> Option<&'a str> {
-    let Value::Object(map) = value else { return None };
-    map.get(key).and_then(Value::as_str).or_else(|| map.values().find_map(|v| find(v, key)))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const RUN_JSON: &str = r#"{"format":"vibes-run/1","options":{"objective":"vibes"},"model":{"task":"reacher-easy"},"recordings":[],
+        "episodes":2,"steps":250,"versions":{}}"#;
 
     #[test]
     fn a_killed_runs_last_line_is_counted_not_fatal() {
@@ -191,7 +184,7 @@ mod tests {
         let text =
             "{\"update\":10,\"loss\":2.5,\"gap\":null}\n{\"update\":20,\"loss\":1.5,\"gap\":0.5}\n{\"update\":30,\"lo";
         std::fs::write(dir.path().join("metrics.jsonl"), text).expect("file");
-        std::fs::write(dir.path().join("run.json"), r#"{"options":{"model":{"objective":"vibes"}}}"#).expect("file");
+        std::fs::write(dir.path().join("run.json"), RUN_JSON).expect("file");
         let run = Run::read(dir.path()).expect("run");
         assert_eq!(run.series["loss"], vec![(10.0, 2.5), (20.0, 1.5)]);
         assert_eq!(run.series["gap"], vec![(20.0, 0.5)]);

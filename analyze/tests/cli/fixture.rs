@@ -170,6 +170,9 @@ pub(crate) fn write_run(path: &Path, shift: f64) {
         )
     };
     std::fs::write(path.join("metrics.jsonl"), (1..=30).map(line).collect::<String>()).expect("metrics");
-    std::fs::write(path.join("run.json"), r#"{"format":"vibes-run/1","options":{"objective":"vibes"}}"#)
-        .expect("run.json");
+    std::fs::write(path.join("run.json"), RUN_JSON).expect("run.json");
 }
+
+/// What the trainer writes about a run.
+const RUN_JSON: &str = r#"{"format":"vibes-run/1","options":{"objective":"vibes"},"model":{"task":"discs"},"recordings":["../../recordings/discs"],
+    "episodes":6,"steps":48,"versions":{}}"#;

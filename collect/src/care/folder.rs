@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use vibes_data::FolderLock;
+
 use crate::error::{Error, Result};
 
 /// A folder in the making. Dropped before it is finished, it is removed.
@@ -10,6 +12,8 @@ pub(crate) struct NewFolder {
     partial: PathBuf,
     place: PathBuf,
     finished: bool,
+    // Nobody else removes what is being made.
+    _lock: FolderLock,
 }
 
 impl NewFolder {
@@ -23,13 +27,14 @@ impl NewFolder {
         let Some(mut name) = name.map(ToOwned::to_owned) else {
             return Err(Error::malformed(place, "something is here already", "name a new folder with -o"));
         };
+        let lock = FolderLock::acquire_beside(place)?;
         name.push(".partial");
         let partial = place.with_file_name(name);
         if partial.is_dir() {
             std::fs::remove_dir_all(&partial).map_err(Error::io("remove", &partial))?;
         }
         std::fs::create_dir_all(&partial).map_err(Error::io("create", &partial))?;
-        Ok(Self { partial, place: place.to_owned(), finished: false })
+        Ok(Self { partial, place: place.to_owned(), finished: false, _lock: lock })
     }
 
     /// Where to write until it is finished.
@@ -67,6 +72,7 @@ mod tests {
         drop(begun);
         assert_eq!(std::fs::read_dir(parent.path()).unwrap().count(), 0);
         let begun = NewFolder::begin(&place).unwrap();
+        assert!(NewFolder::begin(&place).is_err(), "it is being made");
         std::fs::write(begun.path().join("file"), "whole").unwrap();
         begun.finish().unwrap();
         assert_eq!(std::fs::read_to_string(place.join("file")).unwrap(), "whole");

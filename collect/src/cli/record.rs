@@ -1,11 +1,12 @@
 //! `vibes-collect [OPTIONS]`: records.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
+use vibes_command::stop_on_signals;
 use vibes_data::{Grid, Recording};
 
 use super::axis_seeds::AxisSeedArgs;
@@ -168,7 +169,7 @@ impl RecordArgs {
 pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
     let options = args.resolve()?;
     let folder = args.folder(&options);
-    let stop = stop_on_interrupt()?;
+    let stop = stop_on_signals()?;
     let threads = args.threads.map_or_else(cores, usize::from);
     let run = RecordRun {
         options: &options,
@@ -184,7 +185,7 @@ pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
 }
 
 /// Records with a progress bar, and says what came of it: how many of the `wanted` episodes there are.
-#[allow(clippy::print_stdout, reason = "the command line says what it did")]
+#[allow(clippy::print_stdout, clippy::print_stderr, reason = "the command line says what it did")]
 pub(super) fn told(
     folder: &Path,
     wanted: u64,
@@ -219,7 +220,8 @@ pub(super) fn told(
         say(&recording, meter.seconds());
     }
     if (episodes as u64) < wanted {
-        bail!("stopped after {episodes} of {wanted} episodes; the same command goes on: {}", folder.display());
+        eprintln!("stopped after {episodes} of {wanted} episodes; the same command goes on: {}", folder.display());
+        return Ok(Outcome::Again);
     }
     Ok(Outcome::Done)
 }
@@ -251,17 +253,6 @@ fn say(recording: &Recording, seconds: f64) {
         episodes.len(),
         show::bytes(size)
     );
-}
-
-/// Ctrl-C finishes the episodes at hand; a second one ends the program at once.
-pub(super) fn stop_on_interrupt() -> Result<&'static AtomicBool> {
-    static STOP: AtomicBool = AtomicBool::new(false);
-    ctrlc::set_handler(|| {
-        if STOP.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    })?;
-    Ok(&STOP)
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use clap::Args;
 use vibes_data::Recording;
 
 use super::axis_seeds::AxisSeedArgs;
-use super::record::{stop_on_interrupt, told};
+use super::record::told;
 use super::{Outcome, OutputArgs};
 use crate::recorder::cores;
 use crate::redraw::{NewDistractors, Redraw};
@@ -97,7 +97,7 @@ impl RenderArgs {
 
 pub(super) fn run(args: &RenderArgs, output: OutputArgs) -> Result<Outcome> {
     let recording = Recording::open(&args.recording)?;
-    let run = (args.threads.map_or_else(cores, usize::from), stop_on_interrupt()?);
+    let run = (args.threads.map_or_else(cores, usize::from), vibes_command::stop_on_signals()?);
     let wanted = recording.episodes().len() as u64;
     let redraw = args.redraw();
     told(&args.output, wanted, output, |report| redraw.draw(&recording, &args.output, run, report))

@@ -5,7 +5,7 @@
 use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
 use super::flex::runs_on_flex;
-use super::plain;
+use super::{ConvLayer, plain};
 
 mod geometry;
 mod operation;
@@ -15,15 +15,6 @@ mod stack;
 mod tests;
 mod weights;
 mod winograd;
-
-/// One 4×4 convolution of stride 2 without padding, followed by ReLU.
-#[derive(Clone, Debug)]
-pub struct ConvLayer {
-    /// `[out_channels, in_channels, 4, 4]`, Burn's and PyTorch's order.
-    pub weight: Tensor<4>,
-    /// `[out_channels]`
-    pub bias: Tensor<1>,
-}
 
 /// Pixels as the tensor [`features`] takes: `[frames, height, width, 3]`, bytes where the device can hold them.
 ///

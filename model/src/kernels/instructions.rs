@@ -59,11 +59,12 @@ impl Instructions {
     /// If the processor does not have them.
     #[inline]
     pub(super) fn run<R>(self, work: impl FnOnce() -> R) -> R {
-        debug_assert!(self.available(), "{self:?} asked for on a processor without it");
+        // In every build: the calls below are sound only after it. It reads what the processor was asked once.
+        assert!(self.available(), "{self:?} asked for on a processor without it");
         match self {
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code, reason = "calls a function compiled for more instructions than the target's minimum")]
-            // SAFETY: values of this type come from `best` or from tests that asked `available` first.
+            // SAFETY: the processor has them, as was just checked.
             Self::Avx512 => unsafe { with_avx512(work) },
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code, reason = "calls a function compiled for more instructions than the target's minimum")]

@@ -4,26 +4,13 @@
 
 use burn::tensor::Tensor;
 
-use super::{Instructions, plain};
+use super::{Instructions, TransposedLayer, plain};
 
 mod layout;
 mod maps;
 mod operation;
 #[cfg(test)]
 mod tests;
-
-/// One transposed 4×4 convolution of stride 2.
-#[derive(Clone, Debug)]
-pub struct TransposedLayer {
-    /// `[in_channels, out_channels, 4, 4]`, Burn's and PyTorch's order.
-    pub weight: Tensor<4>,
-    /// `[out_channels]`
-    pub bias: Tensor<1>,
-    /// Rows and columns added at the far edge, which see the bias alone.
-    pub padding: [usize; 2],
-    /// Whether negative results become zero.
-    pub relu: bool,
-}
 
 /// The layer's output, channels last. Differentiable in the maps, the weights and the bias. On `flex` it runs as one operation.
 ///

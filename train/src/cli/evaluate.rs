@@ -1,10 +1,10 @@
 //! `vibes-train evaluate`: how good a run's latents are on a held-out grid.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use clap::Args;
-use vibes_data::{Recording, write_atomically};
+use vibes_data::{Recording, relative_place, write_atomically};
 use vibes_measure::intervals::Interval;
 use vibes_measure::numbers::Number;
 use vibes_model::Model;
@@ -36,7 +36,7 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     let grid = Recording::open(&args.grid)?;
     let device = context.device.open()?;
     let model = Model::load(&checkpoint, &device)?;
-    let training = run.info().recordings.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>();
+    let training = run.open_recordings();
     let to_fit = match &training {
         Ok(training) if args.probe_episodes > 0 => training.as_slice(),
         _ => &[],
@@ -51,9 +51,11 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
             Some(gaps(&model, &training, &grid, GapOptions::like(&run.info().options, updates), &device)?)
         }
     };
-    let numbers = serde_json::json!({ "run": run.path(), "checkpoint": checkpoint, "grid": args.grid, "gap_updates": args.gap_updates, "report": report, "gaps": gaps });
-    let text = serde_json::to_string_pretty(&numbers)? + "\n";
     let output = args.output.clone().unwrap_or_else(|| run.path().join("evaluation.json"));
+    let folder = output.parent().unwrap_or(Path::new(""));
+    let place = |path: &Path| relative_place(path, folder);
+    let numbers = serde_json::json!({ "run": place(run.path()), "checkpoint": place(&checkpoint), "grid": place(&args.grid), "gap_updates": args.gap_updates, "report": report, "gaps": gaps });
+    let text = serde_json::to_string_pretty(&numbers)? + "\n";
     write_atomically(&output, text.as_bytes()).context("cannot write the evaluation")?;
     if context.json {
         print!("{text}");

@@ -1,6 +1,4 @@
-//! The flags that lay over a preset and a configuration file, one for every entry of [`Options`](vibes_train::options::Options).
-
-use std::path::PathBuf;
+//! The flags that lay over a preset, typed or from a configuration file, one for every entry of [`Options`](vibes_train::options::Options).
 
 use anyhow::{Context as _, Result};
 use clap::builder::PossibleValuesParser;
@@ -17,9 +15,6 @@ use vibes_train::options::presets::PRESETS;
 pub(crate) struct OptionArgs {
     #[arg(long, default_value = "small", help = presets())]
     preset: String,
-    /// A TOML file of options laid over the preset, such as a run's config.toml.
-    #[arg(long, value_name = "FILE.toml")]
-    config: Option<PathBuf>,
     #[command(flatten)]
     flags: OptionFlags,
     #[command(flatten)]
@@ -128,27 +123,22 @@ struct OptionFlags {
 }
 
 impl OptionArgs {
-    /// The preset, the file, the flags: each over what came before.
+    /// The preset, and over it the flags, typed or from a file.
     pub(crate) fn resolve(&self) -> Result<Options> {
         let layers = self.layers()?;
         Ok(Options::resolve(&self.preset, &by_name(&layers))?)
     }
 
-    /// The file and the flags over other options than a preset's.
+    /// The flags, typed or from a file, over other options than a preset's.
     pub(crate) fn over(&self, options: &Options) -> Result<Options> {
         let layers = self.layers()?;
         Ok(options.with(&by_name(&layers))?)
     }
 
     fn layers(&self) -> Result<Vec<(String, Table)>> {
-        let mut layers = Vec::new();
-        if let Some(path) = &self.config {
-            layers.push((path.display().to_string(), Options::read_table(path)?));
-        }
         let mut typed = Table::try_from(&self.flags).context("the arguments cannot be written as TOML")?;
         typed.extend(self.own.0.clone());
-        layers.push(("the arguments".to_owned(), typed));
-        Ok(layers)
+        Ok(vec![("the arguments".to_owned(), typed)])
     }
 }
 

@@ -34,7 +34,7 @@ pub(crate) fn run(context: &Context, args: &InfoArgs) -> Result<()> {
         "  model        {}, {}, latent {}, depth {}, hidden {}",
         info.model.task, info.model.observation, options.latent, options.depth, options.hidden
     );
-    let names: Vec<String> = info.recordings.iter().map(|path| path.display().to_string()).collect();
+    let names = info.recording_names();
     println!("  recordings   {} ({} episodes, {} steps)", names.join(", "), info.episodes, info.steps);
     println!("  checkpoints  {}", checkpoints.iter().map(u64::to_string).collect::<Vec<_>>().join(", "));
     if let Some(last) = rows.last() {

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use clap::{Args, ValueEnum};
+use vibes_command::{Ending, stop_on_signals};
 use vibes_train::fit::{End, Go};
 use vibes_train::learners::sac::augment::Augment;
 use vibes_train::learners::sac::options::{Auxiliary, SacOptions, Size};
@@ -139,9 +140,9 @@ impl ModelFreeArgs {
 
 /// Trains, and says how it goes.
 #[allow(clippy::print_stdout, clippy::print_stderr, reason = "the command line says what it does")]
-pub(crate) fn run(context: &Context, folder: &Folder) -> Result<()> {
+pub(crate) fn run(context: &Context, folder: &Folder) -> Result<Ending> {
     let device = context.device.open()?;
-    let stop = super::offline::stop_on_interrupt()?;
+    let stop = stop_on_signals()?;
     let (options, path) = (folder.options(), folder.path().display());
     let say = |text: &str| {
         if !context.quiet {
@@ -196,5 +197,5 @@ pub(crate) fn run(context: &Context, folder: &Folder) -> Result<()> {
             End::Minutes | End::Stopped => println!("stopped and saved; the same command goes on from there: {path}"),
         }
     }
-    Ok(())
+    Ok(if end == End::Stopped { Ending::Again } else { Ending::Done })
 }

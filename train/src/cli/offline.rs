@@ -1,11 +1,11 @@
 //! `vibes-train offline`: train on recordings.
 
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use clap::Args;
+use vibes_command::{Ending, stop_on_signals};
 use vibes_data::Recording;
 use vibes_train::fit::{End, Go, HeldOut, fit};
 use vibes_train::options::Options;
@@ -40,7 +40,7 @@ pub(crate) struct OfflineArgs {
     options: OptionArgs,
 }
 
-pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<()> {
+pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
     let options = args.options.resolve()?;
     let recordings = args.recordings.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>()?;
     let output = args.output.unwrap_or_else(|| default_run(&args.recordings[0], options.objective.name()));
@@ -48,7 +48,7 @@ pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<()> {
     let held_out = held_out.map(|grid| HeldOut { grid, every: args.eval_every, gap_updates: args.gap_updates });
     let device = context.device.open()?;
     let run = prepare(&output, &recordings, &options, args.from.as_deref())?;
-    let stop = stop_on_interrupt()?;
+    let stop = stop_on_signals()?;
     let mut progress = Progress::new(context, &options);
     progress.describe(&run);
     let end = fit(&run, &recordings, &device, held_out.as_ref(), &mut |event| {
@@ -56,7 +56,8 @@ pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<()> {
         if stop.load(Ordering::Relaxed) { Go::Stop } else { Go::On }
     })?;
     progress.finish();
-    report(context, &run, &options, end)
+    report(context, &run, &options, end)?;
+    Ok(if end == End::Stopped { Ending::Again } else { Ending::Done })
 }
 
 fn report(context: &Context, run: &Run, options: &Options, end: End) -> Result<()> {
@@ -83,17 +84,4 @@ fn report(context: &Context, run: &Run, options: &Options, end: End) -> Result<(
         }
     }
     Ok(())
-}
-
-/// The first Ctrl-C lets the update finish and be saved; the second ends the program at once.
-pub(super) fn stop_on_interrupt() -> Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    let handler = move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    };
-    ctrlc::set_handler(handler).context("cannot listen for Ctrl-C")?;
-    Ok(stop)
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::Args;
+use vibes_command::{Ending, stop_on_signals};
 use vibes_env::distractors::{Axes, Difficulty};
 use vibes_env::render::Look;
 use vibes_env::videos::VideoSource;
@@ -317,13 +318,13 @@ impl BehaviourArgs {
     }
 }
 
-pub(crate) fn run(context: &Context, args: &OnlineArgs) -> Result<()> {
+pub(crate) fn run(context: &Context, args: &OnlineArgs) -> Result<Ending> {
     if let Some(folder) = args.model_free()? {
         return model_free::run(context, &folder);
     }
     let prepared = args.prepare()?;
     let device = context.device.open()?;
-    let stop = super::offline::stop_on_interrupt()?;
+    let stop = stop_on_signals()?;
     let mut progress = OnlineProgress::new(context, &prepared.options);
     progress.describe(&prepared);
     let Prepared { run, options, given } = &prepared;
@@ -333,7 +334,8 @@ pub(crate) fn run(context: &Context, args: &OnlineArgs) -> Result<()> {
         if stop.load(std::sync::atomic::Ordering::Relaxed) { Go::Stop } else { Go::On }
     })?;
     progress.finish();
-    report(context, run, end)
+    report(context, run, end)?;
+    Ok(if end == End::Stopped { Ending::Again } else { Ending::Done })
 }
 
 #[allow(clippy::print_stdout, reason = "the command line says what it did")]

@@ -31,7 +31,7 @@ use crate::encode::check_fit;
 use crate::error::Result;
 use crate::learners::optimizer::{NamedGradients, Optimizer};
 use crate::options::Options;
-use crate::windows::{Source, Windows};
+use crate::windows::Windows;
 
 /// How to fit the critic.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

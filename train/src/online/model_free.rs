@@ -17,6 +17,7 @@ use std::time::Instant;
 
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
+use vibes_data::MetricsFile;
 use vibes_env::videos::VideoSet;
 use vibes_model::agent::Choice;
 use vibes_model::sac::{SacAgent, SacNetworks};
@@ -27,7 +28,6 @@ use crate::error::Result;
 use crate::fit::{End, Go};
 use crate::learners::sac::transitions::{Transitions, window_length};
 use crate::learners::sac::update::{SacLearner, SacMeasures};
-use crate::metrics::MetricsFile;
 use crate::replay::{Replay, ReplayOptions};
 use crate::windows::{Prefetch, Purpose, update_rng};
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use vibes_data::{Recording, Spec};
+use vibes_data::{RUN_FORMAT, Recording, Spec, relative_place};
 use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::Look;
 use vibes_env::videos::VideoSource;
@@ -13,7 +13,7 @@ use super::options::{OnlineOptions, WorldOptions};
 use crate::error::{Result, TrainError};
 use crate::learners::behaviour::BehaviourOptions;
 use crate::options::{Observations, Options};
-use crate::run::{FORMAT, Run, RunInfo, versions};
+use crate::run::{Run, RunInfo, versions};
 
 /// Standard deviation of an agent step's reward per control step, before any was seen: what a unit of reward is when `--reward-scale` is 0.
 const REWARD_STD: f64 = 0.3;
@@ -79,7 +79,7 @@ pub fn from_nothing(path: &Path, model: &Options, options: OnlineOptions) -> Res
     let kind = observation_kind(&spec, model.observations, path)?;
     let unit = REWARD_STD * f64::from(options.world.action_repeat);
     let info = RunInfo {
-        format: FORMAT.to_owned(),
+        format: RUN_FORMAT.to_owned(),
         model: model.model(&spec, kind, unit),
         from: None,
         options: model.clone(),
@@ -112,11 +112,11 @@ pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions
         });
     }
     let info = RunInfo {
-        format: FORMAT.to_owned(),
+        format: RUN_FORMAT.to_owned(),
         model: found.clone(),
-        from: Some(from.path().to_owned()),
+        from: Some(relative_place(from.path(), path)),
         options: model.clone(),
-        recordings: given.iter().map(|recording| recording.path().to_owned()).collect(),
+        recordings: given.iter().map(|recording| relative_place(recording.path(), path)).collect(),
         episodes: given.iter().map(|recording| recording.episodes().len()).sum(),
         steps: given.iter().flat_map(Recording::episodes).map(|episode| u64::from(episode.steps)).sum(),
         versions: versions(),

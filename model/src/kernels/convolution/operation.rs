@@ -13,10 +13,10 @@ use burn::backend::{Autodiff, Flex};
 use burn::tensor::{Int, Tensor};
 use burn_flex::FlexTensor;
 
-use super::ConvLayer;
 use super::geometry;
 use super::pixels::COLORS;
 use super::stack::{Stack, Weights};
+use crate::kernels::ConvLayer;
 use crate::kernels::flex::{self, Followed};
 use crate::kernels::instructions::Instructions;
 use crate::kernels::memory::Buffer;

@@ -25,7 +25,7 @@ const STRIDE: usize = 2 * COLORS;
 /// `x/255 − 0.5`
 fn scaled(layer: &Layer, bytes: &[u8], instructions: Instructions) -> Buffer {
     let mut scaled = Buffer::stale(bytes.len());
-    debug_assert_eq!(bytes.len(), layer.input[0] * layer.input[1] * COLORS);
+    assert_eq!(bytes.len(), layer.input[0] * layer.input[1] * COLORS);
     instructions.run(
         #[inline(always)]
         || {

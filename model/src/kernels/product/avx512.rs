@@ -34,8 +34,10 @@ pub(super) fn tile<const ROW: usize, const STEP: usize>(
         11 => fixed::<11, ROW, STEP>,
         _ => fixed::<12, ROW, STEP>,
     };
+    // In every build, as the call below is sound only after it. It reads what the processor was asked once.
+    assert!(super::Instructions::Avx512.available(), "AVX-512 asked for on a processor without it");
     // SAFETY: `left` ends after the last element that `shape` reaches from row `rows − 1`, `right` holds `outer · inner` rows and
-    // `out` holds `rows` rows of `PANEL`; `Instructions::Avx512` exists only where the processor has AVX-512.
+    // `out` holds `rows` rows of `PANEL`; the processor has AVX-512, as was just checked.
     unsafe { run(shape, left.as_ptr(), right.as_ptr(), out.as_mut_ptr(), add) }
 }
 

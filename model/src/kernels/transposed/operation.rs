@@ -11,8 +11,8 @@ use burn::backend::{Autodiff, Flex};
 use burn::tensor::{Device, Tensor};
 use burn_flex::FlexTensor;
 
-use super::TransposedLayer;
 use super::layout::Sizes;
+use crate::kernels::TransposedLayer;
 use crate::kernels::flex::{self, Followed};
 use crate::kernels::instructions::Instructions;
 

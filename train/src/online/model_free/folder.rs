@@ -156,7 +156,7 @@ impl Folder {
     /// # Errors
     /// There is none yet.
     pub fn newest_networks(&self) -> Result<PathBuf> {
-        let newest = self.newest().ok_or_else(|| TrainError::NoCheckpoint { path: self.path.clone() })?;
+        let newest = self.newest().ok_or_else(|| vibes_data::Error::NoCheckpoint { path: self.path.clone() })?;
         Ok(newest.join(NETWORKS))
     }
 

@@ -1,0 +1,142 @@
+//! What the command lines of the three programs have in common, through the processes: options from a file, how much is said, exit codes.
+
+#![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// Where cargo puts the built programs: two folders above this test.
+fn program(name: &str) -> PathBuf {
+    let test = std::env::current_exe().unwrap();
+    let path = test.parent().and_then(Path::parent).unwrap().join(name);
+    assert!(path.is_file(), "{name} is not built; run `cargo build --workspace` first: {}", path.display());
+    path
+}
+
+fn run(folder: &Path, line: &str) -> Output {
+    let mut words = line.split_whitespace();
+    let program = program(words.next().unwrap());
+    Command::new(program).args(words).current_dir(folder).output().unwrap()
+}
+
+/// What is said on standard error, for a line that ends with this exit code.
+fn said(folder: &Path, line: &str, code: i32) -> String {
+    let output = run(folder, line);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{line}\n{said}{}", String::from_utf8_lossy(&output.stdout));
+    said
+}
+
+/// A verb of each program that does little, and an option of it with a value that is not its default.
+const LINES: [(&str, &str, &str); 3] = [
+    ("vibes-collect", "--episodes 1 --steps 3 --size 8 --video-count 1 --no-mcap -o made", "seed = 7"),
+    ("vibes-train", "info run", "device = \"flex\""),
+    ("vibes-analyze", "curves run", "seed = 7"),
+];
+
+/// A folder with a run in it.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    std::fs::create_dir_all(&run).unwrap();
+    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("../checkpoints/cartpole-swingup");
+    std::fs::copy(kept.join("run.json"), run.join("run.json")).unwrap();
+    std::fs::write(run.join("metrics.jsonl"), METRICS).unwrap();
+    folder
+}
+
+const METRICS: &str = r#"{"update":20,"objective":1.0,"dynamics_log_likelihood":1.0,"reward_log_likelihood":1.0,"gradient_norm":1.0,"encoder_gradient_norm":1.0,"effective_rank":2.0,"latent_variance":0.5,"updates_per_second":3.0,"frames_per_second":30.0,"waiting_share":0.0}
+{"update":40,"objective":2.0,"dynamics_log_likelihood":1.5,"reward_log_likelihood":1.0,"gradient_norm":1.0,"encoder_gradient_norm":1.0,"effective_rank":2.5,"latent_variance":0.5,"updates_per_second":3.0,"frames_per_second":30.0,"waiting_share":0.0}
+"#;
+
+#[test]
+fn options_come_from_a_file_wherever_it_is_named() {
+    let folder = folder();
+    let folder = folder.path();
+    for (name, rest, option) in LINES {
+        std::fs::write(folder.join("options.toml"), format!("{option}\nverbose = true\n")).unwrap();
+        for line in [
+            format!("{name} --config options.toml {rest}"),
+            format!("{name} --config=options.toml {rest}"),
+            format!("{name} {rest} --config options.toml"),
+            format!("{name} {rest} --config=options.toml"),
+        ] {
+            let (key, value) = option.split_once(" = ").unwrap();
+            let shown = format!("--{key} {} (options.toml)", value.trim_matches('"'));
+            let said = said(folder, &line, 0);
+            assert!(said.contains(&shown) && said.contains("took "), "{line}\n{said}");
+            let _ = std::fs::remove_dir_all(folder.join("made"));
+        }
+    }
+}
+
+#[test]
+fn what_is_typed_wins_and_saying_more_says_where_every_value_comes_from() {
+    let folder = folder();
+    let folder = folder.path();
+    for (name, rest, option) in LINES {
+        let (key, value) = option.split_once(" = ").unwrap();
+        let value = value.trim_matches('"');
+        std::fs::write(folder.join("options.toml"), format!("{option}\nquiet = true\n")).unwrap();
+        let said = said(folder, &format!("{name} {rest} -v --config options.toml --{key} {value}"), 0);
+        assert!(
+            said.contains(&format!("--{key} {value} (typed)")) && said.contains("--verbose true (typed)"),
+            "{said}"
+        );
+        assert!(said.contains("--json false (default)"), "{said}");
+        let _ = std::fs::remove_dir_all(folder.join("made"));
+    }
+}
+
+#[test]
+fn what_would_have_no_effect_is_an_error() {
+    let folder = folder();
+    let folder = folder.path();
+    for (name, rest, _) in LINES {
+        for (text, wanted) in [
+            ("sed = 1", "no option sed of "),
+            ("[sedd]\nk = 1", "no verb sedd; the verbs are "),
+            ("verbose = 2", "verbose = 2; it is true or false"),
+            ("seed = ", "the options are not TOML"),
+        ] {
+            std::fs::write(folder.join("options.toml"), text).unwrap();
+            let said = said(folder, &format!("{name} {rest} --config options.toml"), 2);
+            assert!(said.starts_with(&format!("{name}: ")) && said.contains(wanted), "{name}: {text}\n{said}");
+            assert!(said.contains("options.toml") && !folder.join("made").exists(), "{said}");
+        }
+        let said = said(folder, &format!("{name} {rest} --config nowhere.toml"), 2);
+        assert!(said.contains("cannot read the options: nowhere.toml"), "{said}");
+    }
+}
+
+#[test]
+fn quiet_says_nothing_and_beside_verbose_it_is_wrong() {
+    let folder = folder();
+    let folder = folder.path();
+    for (name, rest, _) in LINES {
+        assert_eq!(said(folder, &format!("{name} {rest} -q"), 0), "", "{name}");
+        assert!(said(folder, &format!("{name} {rest} -q -v"), 2).contains("cannot be used with"), "{name}");
+        let _ = std::fs::remove_dir_all(folder.join("made"));
+    }
+}
+
+#[test]
+fn an_error_gives_its_cause_once() {
+    let folder = folder();
+    let folder = folder.path();
+    std::fs::create_dir_all(folder.join("run/checkpoints/000020")).unwrap();
+    for line in [
+        "vibes-collect info nowhere",
+        "vibes-collect replay --from nowhere.json",
+        "vibes-train info nowhere",
+        "vibes-train encode run nowhere",
+        "vibes-train encode nowhere.safetensors nowhere",
+        "vibes-analyze nn --latents nowhere.arrow",
+        "vibes-analyze curves nowhere",
+    ] {
+        let output = run(folder, line);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(matches!(output.status.code(), Some(1 | 2)), "{line}\n{said}");
+        assert!(said.matches("No such file").count() <= 1, "{line}\n{said}");
+    }
+}

@@ -1,0 +1,164 @@
+//! How far one run of a sweep is: `sweep.json` in its folder. In: an element and something that carries out a command line. Out: the element done,
+//! or what is missing.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use vibes_data::{FolderLock, write_atomically};
+
+use super::{Element, line};
+use crate::error::{Result, TrainError, io, malformed};
+
+/// The format's name.
+const FORMAT: &str = "vibes-sweep/1";
+
+/// How long to wait for a recording that another run of the sweep is making.
+const WAIT: Duration = Duration::from_millis(500);
+
+/// What `sweep.json` holds.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Mark {
+    format: String,
+    /// The element's settings.
+    pub settings: BTreeMap<String, String>,
+    /// The command lines, the run's own folder written as `{run}` so that the sweep can be moved.
+    pub stages: Vec<Vec<String>>,
+    /// Stages that are done.
+    pub finished: usize,
+    /// Why the stage after them failed.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub error: Option<String>,
+}
+
+/// How a stage ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StageEnd {
+    /// Done.
+    Done,
+    /// Somebody else is at it, or it was stopped: the same command, later.
+    Again,
+}
+
+impl Mark {
+    /// The mark of an element that nothing was done of.
+    fn of(element: &Element) -> Self {
+        let run = element.folder.to_string_lossy();
+        let portable = |words: &Vec<String>| words.iter().map(|word| word.replace(run.as_ref(), "{run}")).collect();
+        Self {
+            format: FORMAT.to_owned(),
+            settings: element.settings.clone(),
+            stages: element.stages.iter().map(portable).collect(),
+            finished: 0,
+            error: None,
+        }
+    }
+
+    /// The mark in the element's folder, if one is there.
+    ///
+    /// # Errors
+    /// It is damaged, or of another plan: the keys that differ are named.
+    pub fn found(element: &Element) -> Result<Option<Self>> {
+        let path = path(&element.folder);
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(io("read", &path)(error)),
+        };
+        let found: Self = serde_json::from_str(&text)
+            .map_err(|error| malformed(&path, error, "a sweep.json as `vibes-train sweep` writes it"))?;
+        let differences = found.differences(&Self::of(element));
+        if differences.is_empty() {
+            return Ok(Some(found));
+        }
+        Err(TrainError::OtherSweep { differences: differences.join(", "), path: element.folder.clone() })
+    }
+
+    /// Whether every stage is done.
+    pub fn is_done(&self) -> bool {
+        self.finished >= self.stages.len()
+    }
+
+    /// What differs from the plan's mark, as `key: value there, value in the plan`.
+    fn differences(&self, plan: &Self) -> Vec<String> {
+        let (found, asked) = (self.options(), plan.options());
+        let keys: BTreeSet<&String> = found.keys().chain(asked.keys()).collect();
+        let shown = |value: Option<&String>| value.map_or("nothing", String::as_str).to_owned();
+        keys.into_iter()
+            .filter(|key| found.get(*key) != asked.get(*key))
+            .map(|key| format!("{key} is {}, in the plan {}", shown(found.get(key)), shown(asked.get(key))))
+            .collect()
+    }
+
+    /// Settings and the options of every stage, by name.
+    fn options(&self) -> BTreeMap<String, String> {
+        let mut all = self.settings.clone();
+        for (number, words) in self.stages.iter().enumerate() {
+            let stage = number + 1;
+            let mut last = None::<String>;
+            for (place, word) in words.iter().enumerate() {
+                let (key, value) = match (word.strip_prefix('-'), last.take()) {
+                    (Some(_), _) => match word.split_once('=') {
+                        Some((key, value)) => (format!("stage {stage} {key}"), value.to_owned()),
+                        None => {
+                            last = Some(word.clone());
+                            (format!("stage {stage} {word}"), "given".to_owned())
+                        }
+                    },
+                    (None, Some(option)) => (format!("stage {stage} {option}"), word.clone()),
+                    (None, None) => (format!("stage {stage} word {place}"), word.clone()),
+                };
+                all.insert(key, value);
+            }
+        }
+        all
+    }
+
+    fn write(&self, element: &Element) -> Result<()> {
+        let file = path(&element.folder);
+        std::fs::create_dir_all(&element.folder).map_err(io("create", &element.folder))?;
+        let text = serde_json::to_string_pretty(self).map_err(|error| malformed(&file, error, "texts"))?;
+        Ok(write_atomically(&file, (text + "\n").as_bytes())?)
+    }
+}
+
+fn path(folder: &Path) -> PathBuf {
+    folder.join("sweep.json")
+}
+
+/// Does what is not done of an element yet, by `carry_out` for one command line after the other; none if all was done before.
+///
+/// # Errors
+/// [`TrainError::OtherSweep`] for a folder of another plan, the owner of a folder that is being written, and what `carry_out` fails of, which is
+/// also written into the mark.
+pub fn run_element<E: From<TrainError> + std::fmt::Display>(
+    element: &Element,
+    stop: &AtomicBool,
+    carry_out: &mut dyn FnMut(&[String]) -> std::result::Result<StageEnd, E>,
+) -> std::result::Result<Option<StageEnd>, E> {
+    let _lock = FolderLock::acquire_beside(&element.folder).map_err(TrainError::from)?;
+    let mut mark = Mark::found(element)?.unwrap_or_else(|| Mark::of(element));
+    if mark.is_done() {
+        return Ok(None);
+    }
+    mark.error = None;
+    mark.write(element)?;
+    while let Some(words) = element.stages.get(mark.finished) {
+        if stop.load(Ordering::Relaxed) {
+            return Ok(Some(StageEnd::Again));
+        }
+        match carry_out(words) {
+            Ok(StageEnd::Done) => mark.finished += 1,
+            Ok(StageEnd::Again) => std::thread::sleep(WAIT),
+            Err(error) => {
+                mark.error = Some(format!("{error:#}: {}", line(words)));
+                mark.write(element)?;
+                return Err(error);
+            }
+        }
+        mark.write(element)?;
+    }
+    Ok(Some(StageEnd::Done))
+}

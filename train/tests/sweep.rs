@@ -1,0 +1,301 @@
+//! Sweeps through the process: what is done stays done, what was stopped goes on, what differs is refused, and every engine's script works.
+
+#![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
+
+mod synthetic;
+
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_vibes-train");
+
+const PLAN: &str = r#"
+output = "runs/sweep"
+seeds = 2
+stages = [
+    "vibes-train offline coins --preset tiny --batch 2 --length 6 --depth 4 --hidden 16 --head 16 --latent {latent} --updates UPDATES --checkpoint-every 2 --log-every 1 --seed {seed} -o {run}",
+    "vibes-train encode {run} coins",
+]
+[grid]
+latent = [4, 6]
+"#;
+
+fn folder(updates: u32) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 3, 20, false);
+    write_plan(folder.path(), updates);
+    folder
+}
+
+fn write_plan(folder: &Path, updates: u32) {
+    std::fs::write(folder.join("plan.toml"), PLAN.replace("UPDATES", &updates.to_string())).unwrap();
+}
+
+fn command(folder: &Path, arguments: &str) -> Command {
+    let mut command = Command::new(PROGRAM);
+    command.args(arguments.split_whitespace()).current_dir(folder).env("RAYON_NUM_THREADS", "1");
+    command
+}
+
+fn run(folder: &Path, arguments: &str) -> Output {
+    command(folder, arguments).output().unwrap()
+}
+
+/// What a command that ends with this code says on both streams.
+fn said(folder: &Path, arguments: &str, code: i32) -> String {
+    let output = run(folder, arguments);
+    let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{arguments}\n{said}");
+    said
+}
+
+fn states(folder: &Path) -> Vec<String> {
+    let output = run(folder, "sweep plan.toml --status --json");
+    let all: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    all.as_array().unwrap().iter().map(|status| status["state"].as_str().unwrap().to_owned()).collect()
+}
+
+/// Bytes of everything that a run holds and that may not depend on how it was run.
+fn results(run: &Path) -> Vec<Vec<u8>> {
+    let checkpoints = std::fs::read_dir(run.join("checkpoints")).unwrap();
+    let newest = checkpoints.map(|entry| entry.unwrap().path()).max().unwrap();
+    [newest.join("model.safetensors"), newest.join("optimizer.safetensors"), run.join("latents.arrow")]
+        .map(|path| std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display())))
+        .to_vec()
+}
+
+fn wait_for(child: &mut Child, moment: impl Fn() -> bool) {
+    let begun = Instant::now();
+    while !moment() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before the moment came");
+        assert!(begun.elapsed() < Duration::from_secs(120), "the moment never comes");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn signal(child: &Child, name: &str) {
+    let signal = format!("SIG{name}").parse().unwrap();
+    nix::sys::signal::kill(nix::unistd::Pid::from_raw(child.id() as i32), Some::<nix::sys::signal::Signal>(signal))
+        .unwrap();
+}
+
+#[test]
+fn a_plan_is_listed_done_once_and_refused_when_it_changes() {
+    let folder = folder(3);
+    let folder = folder.path();
+    let listed = said(folder, "sweep plan.toml --list", 0);
+    assert!(
+        listed.contains("3  runs/sweep/latent=6,seed=1")
+            && listed.contains("vibes-train encode runs/sweep/latent=4,seed=0 coins")
+    );
+    assert!(!folder.join("runs").exists(), "listing does nothing");
+    assert_eq!(states(folder), ["waiting"; 4]);
+
+    assert!(said(folder, "sweep plan.toml --index 1", 0).contains("run 1 is done"));
+    assert_eq!(states(folder), ["waiting", "done", "waiting", "waiting"]);
+    let before =
+        std::fs::metadata(folder.join("runs/sweep/latent=4,seed=1/latents.arrow")).unwrap().modified().unwrap();
+    assert!(said(folder, "sweep plan.toml --index 0-1 -q", 0).is_empty());
+    assert!(said(folder, "sweep plan.toml --index 1", 0).contains("run 1 is done already"));
+    let after = std::fs::metadata(folder.join("runs/sweep/latent=4,seed=1/latents.arrow")).unwrap().modified().unwrap();
+    assert_eq!(before, after, "what is done is not done again");
+
+    write_plan(folder, 5);
+    let refused = said(folder, "sweep plan.toml --index 1", 1);
+    assert!(refused.contains("stage 1 --updates is 3, in the plan 5") && !refused.contains("--latent is"), "{refused}");
+    assert!(said(folder, "sweep plan.toml --status", 1).contains("made by another plan"));
+}
+
+#[test]
+fn all_runs_at_once_end_with_the_bytes_of_one_after_the_other() {
+    let (one, many) = (folder(3), folder(3));
+    said(one.path(), "sweep plan.toml --index 0-3", 0);
+    said(many.path(), "sweep plan.toml --jobs 3", 0);
+    for name in ["latent=4,seed=0", "latent=4,seed=1", "latent=6,seed=0", "latent=6,seed=1"] {
+        let place = Path::new("runs/sweep").join(name);
+        assert_eq!(results(&one.path().join(&place)), results(&many.path().join(&place)), "{name}");
+    }
+    assert_eq!(states(many.path()), ["done"; 4]);
+}
+
+#[test]
+fn every_signal_saves_and_the_same_command_goes_on_to_the_same_bytes() {
+    let undisturbed = folder(2000);
+    let whole = undisturbed.path();
+    write_plan(whole, 12);
+    said(whole, "sweep plan.toml --index 2", 0);
+    for name in ["TERM", "INT", "USR1", "USR2"] {
+        let folder = folder(12);
+        let folder = folder.path();
+        let run = folder.join("runs/sweep/latent=6,seed=0");
+        // Long enough to be met in the middle; the plan's own number of updates afterwards.
+        let mut child =
+            command(folder, "sweep plan.toml --index 2").stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        wait_for(&mut child, || run.join("checkpoints/000002").exists());
+        signal(&child, name);
+        let code = child.wait().unwrap().code();
+        // A run that was quicker than the signal is done.
+        assert!(matches!(code, Some(75 | 0)), "{name}: {code:?}");
+        if code == Some(75) {
+            assert_eq!(states(folder)[2], "saved");
+        }
+        said(folder, "sweep plan.toml --index 2", 0);
+        assert_eq!(results(&run), results(&whole.join("runs/sweep/latent=6,seed=0")), "{name}");
+    }
+}
+
+#[test]
+fn killed_at_any_moment_it_goes_on_to_the_same_bytes() {
+    let (whole, killed) = (folder(8), folder(8));
+    said(whole.path(), "sweep plan.toml --index 0", 0);
+    let place = Path::new("runs/sweep/latent=4,seed=0");
+    for file in ["sweep.json", "run.json", "checkpoints/000002", "checkpoints/000006", "latents.arrow"] {
+        let mut child = command(killed.path(), "sweep plan.toml --index 0")
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let begun = Instant::now();
+        while !killed.path().join(place).join(file).exists() && child.try_wait().unwrap().is_none() {
+            assert!(begun.elapsed() < Duration::from_secs(120));
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let _ = child.kill();
+        child.wait().unwrap();
+    }
+    said(killed.path(), "sweep plan.toml --index 0", 0);
+    assert_eq!(results(&whole.path().join(place)), results(&killed.path().join(place)));
+}
+
+#[test]
+fn of_two_who_begin_the_same_run_one_is_told_to_come_again() {
+    let folder = folder(400);
+    let folder = folder.path();
+    let mut first =
+        command(folder, "sweep plan.toml --index 0").stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    wait_for(&mut first, || folder.join("runs/sweep/latent=4,seed=0/checkpoints/000002").exists());
+    let second = said(folder, "sweep plan.toml --index 0", 75);
+    assert!(second.contains("is writing here") && second.contains(&format!("process {}", first.id())), "{second}");
+    assert_eq!(states(folder)[0], "running");
+    let direct = said(folder, "offline coins --preset tiny -o runs/sweep/latent=4,seed=0", 75);
+    assert!(direct.contains("is writing here"), "{direct}");
+    signal(&first, "TERM");
+    assert_eq!(first.wait().unwrap().code(), Some(75));
+}
+
+#[test]
+fn one_failing_run_keeps_no_other_from_being_done_and_is_tried_again() {
+    let folder = folder(2);
+    let folder = folder.path();
+    let plan = std::fs::read_to_string(folder.join("plan.toml"))
+        .unwrap()
+        .replace("encode {run} coins", "encode {run} coins{latent}");
+    std::fs::write(folder.join("plan.toml"), plan).unwrap();
+    std::os::unix::fs::symlink(folder.join("coins"), folder.join("coins4")).unwrap();
+    let failed = said(folder, "sweep plan.toml --jobs 2", 1);
+    assert!(failed.contains("2 of 4 runs failed: 2, 3"), "{failed}");
+    assert_eq!(states(folder), ["done", "done", "failed", "failed"]);
+    let table = said(folder, "sweep plan.toml --status", 0);
+    assert!(table.contains("no recording here") && table.contains("2 done, 0 running, 0 saved, 2 failed"), "{table}");
+    std::os::unix::fs::symlink(folder.join("coins"), folder.join("coins6")).unwrap();
+    said(folder, "sweep plan.toml --jobs 2", 0);
+    assert_eq!(states(folder), ["done"; 4]);
+}
+
+#[test]
+fn a_time_limit_saves_without_any_signal() {
+    let folder = folder(100_000);
+    let folder = folder.path();
+    let told = said(folder, "sweep plan.toml --jobs 2 --stop-after 3s", 75);
+    assert!(told.contains("the same command goes on"), "{told}");
+    assert_eq!(states(folder)[0], "saved");
+    assert!(said(folder, "sweep plan.toml --stop-after 3s", 2).contains("add --index N or --jobs K"));
+}
+
+#[test]
+fn a_stage_that_could_not_be_read_is_refused_before_anything_runs() {
+    let folder = folder(2);
+    let folder = folder.path();
+    for (find, put, wanted) in [
+        ("--latent", "--latnet", "--latnet"),
+        ("vibes-train encode {run} coins", "vibes-train sweep plan.toml", "a sweep inside a sweep"),
+        ("{seed}", "{sed}", "no setting {sed}"),
+    ] {
+        let text = PLAN.replace("UPDATES", "2").replace(find, put);
+        std::fs::write(folder.join("bad.toml"), text).unwrap();
+        let told = said(folder, "sweep bad.toml --index 0", 2);
+        assert!(told.contains(wanted), "{told}");
+        assert!(!folder.join("runs").exists());
+    }
+    assert!(said(folder, "sweep plan.toml --index slurm", 2).contains("SLURM_ARRAY_TASK_ID"));
+    assert!(said(folder, "sweep plan.toml --index 4", 2).contains("0 to 3"));
+}
+
+/// Writes an executable script.
+fn script(path: &Path, text: &str) {
+    std::fs::write(path, text).unwrap();
+    std::fs::set_permissions(path, PermissionsExt::from_mode(0o755)).unwrap();
+}
+
+#[test]
+fn slurms_script_saves_on_the_signal_queues_itself_again_and_finishes() {
+    let folder = folder(60);
+    let folder = folder.path();
+    let text = String::from_utf8(run(folder, "sweep plan.toml --script slurm --jobs 2").stdout).unwrap();
+    assert!(text.contains("#SBATCH --array=0-3%2") && text.contains("#SBATCH --signal=B:USR1@120"), "{text}");
+    std::fs::write(folder.join("job.sh"), &text).unwrap();
+    // Stand-ins: sbatch runs every element and, once for each, signals the batch shell as soon as there is a checkpoint; scontrol keeps a list of
+    // what is queued again, which sbatch then runs from the beginning with the same index, as Slurm does.
+    let tools = folder.join("tools");
+    std::fs::create_dir_all(&tools).unwrap();
+    std::os::unix::fs::symlink(PROGRAM, tools.join("vibes-train")).unwrap();
+    script(&tools.join("scontrol"), "#!/bin/bash\n[ \"$1\" = requeue ] || exit 1\necho \"$2\" >>requeued\n");
+    script(
+        &tools.join("sbatch"),
+        r#"#!/bin/bash
+export SLURM_ARRAY_JOB_ID=7
+for index in 0 1 2 3; do
+    export SLURM_ARRAY_TASK_ID=$index
+    for attempt in 1 2 3 4; do
+        before=$(cat requeued 2>/dev/null | wc -l)
+        bash "$1" & job=$!
+        if [ $attempt = 1 ]; then
+            until ls runs/sweep/*/checkpoints/000002 >/dev/null 2>&1 && [ "$(ls -d runs/sweep/*/checkpoints/000002 | wc -l)" -gt $index ]; do sleep 0.02; done
+            kill -USR1 $job
+        fi
+        wait $job; echo "$index $attempt $?" >>codes
+        [ "$(cat requeued 2>/dev/null | wc -l)" -gt "$before" ] || break
+    done
+done
+"#,
+    );
+    let path = format!("{}:{}", tools.display(), std::env::var("PATH").unwrap());
+    let output =
+        Command::new("bash").args(["-c", "sbatch job.sh"]).current_dir(folder).env("PATH", path).output().unwrap();
+    let codes = std::fs::read_to_string(folder.join("codes")).unwrap();
+    assert_eq!(states(folder), ["done"; 4], "{codes}\n{}", String::from_utf8_lossy(&output.stderr));
+    let requeued = std::fs::read_to_string(folder.join("requeued")).unwrap_or_default();
+    assert!(
+        requeued.lines().count() >= 3 && requeued.lines().all(|line| line.starts_with("7_")),
+        "{requeued}\n{codes}"
+    );
+    for line in codes.lines() {
+        assert!(line.ends_with(" 75") || line.ends_with(" 0"), "{codes}");
+    }
+}
+
+#[test]
+fn the_script_for_xargs_does_every_run() {
+    let folder = folder(2);
+    let folder = folder.path();
+    let text = String::from_utf8(run(folder, "sweep plan.toml --script xargs --jobs 2").stdout).unwrap();
+    let tools = Path::new(PROGRAM).parent().unwrap();
+    let path = format!("{}:{}", tools.display(), std::env::var("PATH").unwrap());
+    let status = Command::new("bash").args(["-c", &text]).current_dir("/").env("PATH", path).output().unwrap();
+    assert!(status.status.success(), "{}", String::from_utf8_lossy(&status.stderr));
+    assert_eq!(states(folder), ["done"; 4]);
+    let parallel = String::from_utf8(run(folder, "sweep plan.toml --script parallel").stdout).unwrap();
+    assert!(parallel.contains("parallel --jobs") && parallel.contains("--index {}"), "{parallel}");
+}
