@@ -4,6 +4,7 @@
 //! the same as JSON.
 
 mod bench;
+mod clusters;
 mod compare;
 mod curves;
 mod decode;
@@ -45,6 +46,7 @@ enum Verb {
     Nn(nn::Options),
     Umap(umap::Options),
     Grid(grid::Options),
+    Clusters(clusters::Options),
     Invariance(invariance::Options),
     Probe(probe::Options),
     Symmetry(symmetry::Options),
@@ -113,6 +115,7 @@ fn dispatch(cli: &Cli) -> anyhow::Result<Outcome> {
         Verb::Nn(options) => nn::run(options, globals),
         Verb::Umap(options) => umap::run(options, globals),
         Verb::Grid(options) => grid::run(options, globals),
+        Verb::Clusters(options) => clusters::run(options, globals),
         Verb::Invariance(options) => invariance::run(options, globals),
         Verb::Probe(options) => probe::run(options, globals),
         Verb::Symmetry(options) => symmetry::run(options, globals),

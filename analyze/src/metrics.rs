@@ -4,8 +4,18 @@
 /// What the dynamics gap of a held-out grid is called: how far the latents are from a bisimulation.
 pub const DYNAMICS_GAP: &str = "held_out.gaps.dynamics_gap";
 
+/// What the mean return of evaluations on held-out videos is called.
+pub const HELD_OUT_RETURN: &str = "held_out.held_out.mean_return";
+
+/// Returns, the most telling first.
+pub const RETURNS: [&str; 6] =
+    [HELD_OUT_RETURN, "eval_return", "mean_return", "return", "training_return", "episode_return"];
+
 /// Name, title, whether higher is better; in the order in which they are shown.
-const KNOWN: [(&str, &str, bool); 13] = [
+const KNOWN: [(&str, &str, bool); 16] = [
+    (HELD_OUT_RETURN, "return, held-out videos", true),
+    ("held_out.training_videos.mean_return", "return, training videos", true),
+    ("training_return", "return while training", true),
     ("episode_return", "episode return", true),
     ("objective", "objective (nats a row)", true),
     ("dynamics_log_likelihood", "dynamics log-likelihood (nats)", true),

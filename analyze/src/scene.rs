@@ -5,6 +5,7 @@
 //! JPEG: a scene is for looking, the recording is for measuring.
 
 mod layout;
+pub mod progress;
 
 use std::path::Path;
 
@@ -12,9 +13,10 @@ use rerun::{
     BarChart, EncodedImage, LineStrips2D, Points2D, RecordingStream, RecordingStreamBuilder, Scalars, SeriesLines,
     TextDocument, TimeColumn,
 };
-use vibes_data::Latents;
+use vibes_data::{Decoded, DecodedRow, Latents};
 
 use crate::input::Frames;
+use crate::picture::Pixels;
 use crate::picture::color::{self, Color};
 use crate::picture::encode::encode_jpeg;
 use vibes_measure::neighbours::Neighbours;
@@ -23,6 +25,9 @@ use vibes_measure::neighbours::Neighbours;
 const TIMELINE: &str = "row";
 /// Quality of the pictures, of 100.
 const JPEG_QUALITY: u8 = 92;
+
+/// A picture of a row that a decoder drew.
+type PictureOf = fn(&DecodedRow) -> Option<&[u8]>;
 
 /// What a scene shows.
 #[derive(Debug)]
@@ -37,6 +42,8 @@ pub struct Scene<'a> {
     pub rows: &'a [usize],
     /// The neighbours of each of `rows`, in the same order.
     pub neighbours: &'a Neighbours,
+    /// What a decoder draws of some of the rows, if it was asked to.
+    pub decoded: Option<&'a Decoded>,
     /// Shown in the text panel, as in "after 300 updates: barely trained".
     pub note: Option<&'a str>,
 }
@@ -89,6 +96,9 @@ impl Scene<'_> {
         if let Some(frames) = self.frames {
             self.log_pictures(stream, frames)?;
             self.log_distractors(stream, frames)?;
+        }
+        if let Some(decoded) = self.decoded {
+            self.log_decoded(stream, decoded)?;
         }
         Ok(())
     }
@@ -212,6 +222,30 @@ impl Scene<'_> {
                 format!("neighbours/{}", rank + 1),
                 (0..self.rows.len()).map(|i| self.neighbours.rows(i)[rank] as usize).collect(),
             )?;
+        }
+        Ok(())
+    }
+
+    /// The rows that a decoder drew, with its picture of the latent and of the prediction.
+    fn log_decoded(&self, stream: &RecordingStream, decoded: &Decoded) -> Result<(), SceneError> {
+        let (height, width) = decoded.size;
+        let jpeg = |rgb: &[u8]| encode_jpeg(&Pixels { width, height, rgb: rgb.to_vec() }, JPEG_QUALITY).ok();
+        let drawn = |row: usize| {
+            let key = (self.latents.episode[row], self.latents.step[row]);
+            decoded.rows.iter().find(|row| (row.episode, row.step) == key)
+        };
+        let lines: [(&str, PictureOf); 2] =
+            [("decoded/shown", |row| Some(&row.shown)), ("decoded/predicted", |row| row.predicted.as_deref())];
+        for (entity, of) in lines {
+            let known = self.rows.iter().enumerate().filter_map(|(i, &row)| Some((i as i64, jpeg(of(drawn(row)?)?)?)));
+            let (times, blobs): (Vec<i64>, Vec<Vec<u8>>) = known.unzip();
+            if blobs.is_empty() {
+                continue;
+            }
+            let types = vec![rerun::MediaType::jpeg(); blobs.len()];
+            let images = EncodedImage::update_fields().with_many_blob(blobs).with_many_media_type(types);
+            let time = TimeColumn::new_sequence(TIMELINE, times);
+            stream.send_columns(entity, [time], images.columns_of_unit_batches()?)?;
         }
         Ok(())
     }

@@ -353,8 +353,9 @@ reconstruction  100 ± 25    710 ± 2 *    405
     #[test]
     fn where_low_is_good_the_lowest_is_the_best() {
         let low = |method: &str, score: f64| RunScore { higher_is_better: false, ..run(method, "gap", score) };
-        let table =
-            score_table(&[low("a", 3.0), low("a", 3.2), low("b", 1.0), low("b", 1.2), low("c", 2.0), low("c", 0.9)]);
+        let three = |method: &str, scores: [f64; 3]| scores.map(|score| low(method, score));
+        let runs = [three("a", [3.0, 3.1, 3.2]), three("b", [1.0, 1.1, 1.2]), three("c", [2.0, 0.9, 1.5])];
+        let table = score_table(&runs.concat());
         let marks: Vec<Mark> = (0..3).filter_map(|row| table.entries[row][0]).map(|entry| entry.mark).collect();
         assert_eq!(marks, [Mark::Plain, Mark::Best, Mark::Tied]);
         assert_eq!(score_table(&[run("a", "gap", 3.0)]).entries[0][0].map(|e| e.mark), Some(Mark::Plain), "alone");

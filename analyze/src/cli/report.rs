@@ -114,6 +114,12 @@ fn name(latents: &Path) -> String {
     }
 }
 
+/// What a decoder draws: the question, and how its answer is read.
+const SHOWN: (&str, &str) = (
+    "What do the latents show of the pictures?",
+    "A decoder fitted on frozen latents can draw no more than they hold. Good: the body where it is, before a grey mean of backgrounds, also in the prediction.",
+);
+
 /// The answers about one table of latents, and the documents that they come from.
 fn chapter(
     options: &Options,
@@ -142,6 +148,10 @@ fn chapter(
         sections.push(section);
         documents.insert(question.verb, document);
     }
+    if let Some(run) = session.path.parent().filter(|run| run.join("decoded.arrow").is_file()) {
+        let section = Section { title: SHOWN.0.into(), reading: SHOWN.1.into(), ..Section::default() };
+        sections.push(answer(options, &["decode", &run.display().to_string()], folder, section).0);
+    }
     let l = &session.latents;
     let from = l.source.checkpoint.as_deref().map_or_else(String::new, |checkpoint| {
         // Older tables name whole paths of the machine that wrote them.
@@ -163,7 +173,8 @@ fn answer(options: &Options, words: &[&str], folder: &Path, mut section: Section
     if let Some(note) = &options.note {
         typed.extend(["--note".into(), note.clone()]);
     }
-    if let Some(recording) = options.recording.as_ref().filter(|_| !["curves", "compare"].contains(&words[0])) {
+    if let Some(recording) = options.recording.as_ref().filter(|_| !["curves", "compare", "decode"].contains(&words[0]))
+    {
         typed.extend(["--recording".into(), recording.display().to_string()]);
     }
     let outcome = Cli::try_parse_from(typed).map_err(anyhow::Error::from).and_then(|cli| dispatch(&cli));
@@ -192,11 +203,13 @@ fn side_by_side(options: &Options, globals: &Globals, out: &Path) -> Chapter {
     let words: Vec<&str> = std::iter::once("compare").chain(names.iter().map(String::as_str)).collect();
     let reading = "Tables of the same recording. Good: the share of the state high, that of the distractor low, the same state found far more often than by chance.";
     let section = Section { title: "Which is more invariant?".into(), reading: reading.into(), ..Section::default() };
-    Chapter {
-        title: "Side by side".into(),
-        origin: shown_names(&names),
-        sections: vec![answer(options, &words, out, section).0],
+    let mut sections = vec![answer(options, &words, out, section).0];
+    if options.runs.iter().all(|run| run.join("decoded.arrow").is_file()) {
+        let words: Vec<&str> = std::iter::once("decode").chain(names.iter().map(String::as_str)).collect();
+        let section = Section { title: SHOWN.0.into(), reading: SHOWN.1.into(), ..Section::default() };
+        sections.push(answer(options, &words, out, section).0);
     }
+    Chapter { title: "Side by side".into(), origin: shown_names(&names), sections }
 }
 
 /// Runs as they are named in the page: by their folders, not by where these lie on this machine.

@@ -1,18 +1,25 @@
 //! `scene`: a Rerun recording to walk through.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
+use anyhow::Context;
 use serde_json::json;
+use vibes_data::{Decoded, Recording};
 
 use super::maps::MapOptions;
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
+use crate::input::{Run, newest_latents};
+use crate::metrics::HELD_OUT_RETURN;
 use crate::scene::Scene;
+use crate::scene::progress::Progress;
 use vibes_measure::neighbours::{Exclude, Metric, Space, nearest};
 
 /// A Rerun scene (.rrd): frame, latent, map with the current point lit, nearest neighbours, reward and distractors on one timeline.
 ///
-/// Open it with `rerun scene.rrd` (Rerun 0.36).
+/// Of an online run that has no latents, or with --replay: its episodes as the policy improved, on the timeline of control steps. Open it with
+/// `rerun scene.rrd` (Rerun 0.36).
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     #[command(flatten)]
@@ -25,12 +32,24 @@ pub(super) struct Options {
     /// Most rows to show when episodes are not named.
     #[arg(long, default_value_t = 2000)]
     max_rows: usize,
+    /// Show the episodes of an online run (RUN/replay) as the policy improved, in place of latents.
+    #[arg(long)]
+    replay: bool,
     /// Neighbours shown beside each row.
     #[arg(long, short, default_value_t = 5)]
     k: usize,
 }
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
+    let run = options.input.folder();
+    let lived = run.filter(|run| run.join("replay/manifest.json").is_file());
+    match lived {
+        Some(run) if options.replay || newest_latents(run).is_err() => return progress(options, run),
+        None if options.replay => {
+            return Err(wrong("--replay shows an online run; name its folder (it has a folder `replay`)"));
+        }
+        _ => {}
+    }
     let given = json!({ "map": options.map.json(), "episodes": options.episodes, "max_rows": options.max_rows, "k": options.k });
     let mut session = Session::open(&options.input, globals, "scene", given)?;
     let (rows, episodes) = choose(options, &session)?;
@@ -41,6 +60,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let made = options.map.map(&mut session, globals)?;
     let neighbours =
         nearest(&Space::new(session.table()?, Metric::Standardized)?, &rows, options.k, Exclude::Trajectory)?;
+    // Only the decoder's own rows have its pictures; it is left out where it drew another recording's.
+    let drawn = session.path.parent().map(|run| run.join("decoded.arrow")).and_then(|path| Decoded::read(&path).ok());
+    let decoded = drawn.filter(|decoded| decoded.recording == session.latents.source.recording);
     let path = session.out.join("scene.rrd");
     let scene = Scene {
         latents: &session.latents,
@@ -48,6 +70,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         positions: &made.positions,
         rows: &rows,
         neighbours: &neighbours,
+        decoded: decoded.as_ref(),
         note: session.note(),
     };
     scene.write(&path)?;
@@ -61,6 +84,38 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     session.outcome.files.push(path);
     session.write_json("scene", &json!({ "episodes": episodes, "rows": rows.len(), "quality": made.quality }))?;
     Ok(session.finish(line))
+}
+
+/// Episodes shown of an online run unless they are named.
+const SHOWN: usize = 12;
+
+/// The scene of an online run.
+fn progress(options: &Options, run: &Path) -> anyhow::Result<Outcome> {
+    let replay = Recording::open(&run.join("replay")).context("the run's replay cannot be read")?;
+    let all: Vec<u32> = replay.episodes().iter().map(|entry| entry.index).collect();
+    if let Some(missing) = options.episodes.iter().find(|episode| !all.contains(episode)) {
+        return Err(wrong(format!("--episodes {missing}: the replay has no such episode (it has {})", all.len())));
+    }
+    let count = SHOWN.min(all.len());
+    // The first and the last are among them.
+    let spread = (0..count).map(|i| all[i * (all.len() - 1) / (count - 1).max(1)]);
+    let mut shown: Vec<u32> = if options.episodes.is_empty() { spread.collect() } else { options.episodes.clone() };
+    shown.sort_unstable();
+    shown.dedup();
+    let evaluations = Run::read(run).ok().and_then(|run| run.series.get(HELD_OUT_RETURN).cloned()).unwrap_or_default();
+    let name = run.file_name().map_or_else(|| "run".into(), |name| name.to_string_lossy().into_owned());
+    let out = options.input.output().unwrap_or_else(|| run.join("figures"));
+    std::fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
+    let path = out.join("scene.rrd");
+    Progress { name: &name, replay: &replay, shown: &shown, evaluations: &evaluations }.write(&path)?;
+    let line = format!(
+        "scene: {} of the {} episodes of the run, as the policy improved; open it with `rerun {}`",
+        shown.len(),
+        all.len(),
+        path.display()
+    );
+    let json = json!({ "episodes": shown, "of": all.len(), "evaluations": evaluations.len() });
+    Ok(Outcome { line, remarks: Vec::new(), files: vec![path], json })
 }
 
 /// The rows to show, episode by episode in order of time, and the episodes.

@@ -43,7 +43,7 @@ pub(super) struct Input {
     #[arg(long, value_name = "TEXT")]
     note: Option<String>,
     /// Which rows to look at, as in "step >= 50 and state in (0, 3)": an expression over columns of the latents or of a joined table.
-    #[arg(long = "where", value_name = "EXPRESSION")]
+    #[arg(id = "where", long = "where", value_name = "EXPRESSION")]
     rows: Option<String>,
     /// A table of your own (CSV, Parquet, Arrow, npz), joined on episode and step, or on episode alone; may be given several times.
     #[arg(long, value_name = "TABLE")]
@@ -71,6 +71,16 @@ impl Input {
             rows: None,
             join: Vec::new(),
         }
+    }
+
+    /// The folder that was named, if it is one.
+    pub(super) fn folder(&self) -> Option<&Path> {
+        self.latents.as_deref().or(self.input.as_deref()).filter(|path| path.is_dir())
+    }
+
+    /// Where the output was asked to go.
+    pub(super) fn output(&self) -> Option<PathBuf> {
+        self.output.clone()
     }
 
     /// The same with tables of the user's own beside the latents.

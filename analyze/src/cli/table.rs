@@ -9,7 +9,7 @@ use serde_json::json;
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Entry, Figure, Heading, Table};
 use crate::input::{Cell, Results, Rows, RowsError};
-use crate::metrics::Metric;
+use crate::metrics::{Metric, RETURNS};
 use crate::output::{self, Column, write_csv, write_parquet};
 use crate::scores::{Mark, RunScore, ScoreTable, Style, score_table};
 
@@ -93,7 +93,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
 /// The metrics asked for, or those that the results have.
 fn metrics(options: &Options, results: &Results) -> anyhow::Result<Vec<Metric>> {
     let names = results.names();
-    let returns = || names.iter().find(|name| name.contains("return")).cloned();
+    let returns = || RETURNS.into_iter().find(|name| names.contains(*name)).map(String::from);
     let chosen: Vec<String> = match &options.metrics {
         asked if !asked.is_empty() => asked.clone(),
         _ => match returns() {

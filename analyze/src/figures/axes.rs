@@ -72,7 +72,7 @@ fn drawn(picture: &mut Picture, axes: Axes<'_>, series: impl FnOnce(&mut Chart<'
         .axis_style(ink.stroke_width(width_units(0.6)))
         .label_style(("sans-serif", TICK_SIZE * UNITS).into_font().color(&ink))
         .set_all_tick_mark_size(units(TICK))
-        .x_labels(((area.w / 45.0) as usize).clamp(2, 8))
+        .x_labels(((area.w / 30.0) as usize).clamp(2, 10))
         .y_labels(((area.h / 22.0) as usize).clamp(2, 8))
         .x_label_formatter(&x_label)
         .y_label_formatter(&y_label);

@@ -52,7 +52,7 @@ fn bar(picture: &mut Picture, area: Rect, (lo, hi): (f64, f64), title: &str) -> 
         .draw()?;
     let style = ("sans-serif", LABEL_SIZE * UNITS).into_font().color(&ink).transform(FontTransform::Rotate270);
     let style = style.pos(Pos::new(HPos::Center, VPos::Bottom));
-    let at = (units(area.w + BAR_ROOM - 7.0), units(area.h / 2.0));
+    let at = (units(area.w + BAR_ROOM - 12.0), units(area.h / 2.0));
     part.draw_text(title, &style, at)
 }
 

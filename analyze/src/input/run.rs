@@ -13,7 +13,8 @@ use vibes_data::{Metrics, RunFolder, RunInfo};
 use super::InputError;
 
 /// Fields that count progress, the first that a line has is its x.
-const CLOCKS: [&str; 4] = ["env_step", "environment_steps", "update", "step"];
+const CLOCKS: [&str; 7] =
+    ["control_steps", "env_step", "environment_steps", "update", "step", "agent_steps", "episodes"];
 
 /// What the names of metrics on a held-out grid begin with.
 const HELD_OUT: &str = "held_out";
@@ -103,6 +104,12 @@ impl Run {
             Value::Number(number) => {
                 let points = self.series.entry(name.into()).or_default();
                 points.extend(number.as_f64().map(|y| (x, y)));
+            }
+            // An interval is a list of its ends.
+            Value::Array(ends) if ends.len() == 2 => {
+                for (end, value) in ["low", "high"].into_iter().zip(ends) {
+                    self.add(&format!("{name}.{end}"), value, x);
+                }
             }
             _ => {}
         }

@@ -112,8 +112,12 @@ class LiveMap {
       }
       c.fill();
     };
+    // Outside a selected region colours fade.
+    const inside = this.selected && new Set(this.selected);
+    c.globalAlpha = inside ? 0.12 : 1;
     for (const [color, rows] of this.groups) dots(rows, r, color);
-    if (this.selected) { c.globalAlpha = 0.9; dots(this.selected, r + 1, "#111"); c.globalAlpha = 1; }
+    c.globalAlpha = 1;
+    if (inside) for (const [color, rows] of this.groups) dots(rows.filter(row => inside.has(row)), r + 0.8, color);
     if (this.chosen >= 0) {
       const path = this.film();
       c.strokeStyle = "#111"; c.lineWidth = 1.2; c.beginPath();

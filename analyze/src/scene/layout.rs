@@ -14,7 +14,7 @@ pub(super) fn blueprint(scene: &Scene<'_>) -> Blueprint {
     let latent: ContainerLike = BarChartView::new("latent").with_origin("latent").into();
     let about: ContainerLike = TextDocumentView::new("row").with_origin("about").into();
     let pictures = scene.frames.is_some_and(|f| f.recording().manifest().spec.pixels.is_some());
-    let mut above = vec![map, latent, about];
+    let mut above: Vec<ContainerLike> = vec![map, latent, about];
     let mut rows: Vec<ContainerLike> = Vec::new();
     let mut shares = vec![3.0];
     if pictures {
@@ -24,6 +24,10 @@ pub(super) fn blueprint(scene: &Scene<'_>) -> Blueprint {
         };
         rows.push(Horizontal::new((1..=scene.neighbours.k()).map(neighbour).collect::<Vec<_>>()).into());
         shares.push(1.6);
+    }
+    if scene.decoded.is_some() {
+        above.insert(1, Spatial2DView::new("what the latent shows").with_origin("decoded/shown").into());
+        above.insert(2, Spatial2DView::new("what is predicted").with_origin("decoded/predicted").into());
     }
     rows.push(Horizontal::new(curves(scene)).into());
     shares.push(1.8);

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use rand::seq::index;
 use vibes_data::Latents;
+use vibes_measure::clusters::{Method, clusters};
 use vibes_measure::neighbours::{Exclude, Metric, Space, nearest};
 
 use super::super::maps::MadeMap;
@@ -15,6 +16,8 @@ use crate::report::{LiveColumn, LiveMap};
 
 /// Neighbours a row shows.
 const K: usize = 5;
+/// Groups by k-means that the points can be coloured by.
+const GROUPS: usize = 8;
 /// Episodes that are shown as films, and frames of each.
 const FILMS: usize = 6;
 const FILM_FRAMES: usize = 120;
@@ -82,6 +85,11 @@ fn columns(session: &Session, frames: Option<&Frames>) -> Vec<LiveColumn> {
     }
     if l.reward.iter().any(Option::is_some) {
         all.push(numbers("reward", l.reward.iter().map(|r| r.unwrap_or(f32::NAN)).collect()));
+    }
+    if let Ok(labels) =
+        session.table().and_then(|table| clusters(&table, Method::KMeans { k: GROUPS }, &mut session.rng()))
+    {
+        all.push(cell_column("cluster", &labels));
     }
     all.extend(session.columns.iter().map(|(name, column)| user_column(name, column)));
     all.extend(frames.into_iter().flat_map(|frames| recorded(l, frames)));

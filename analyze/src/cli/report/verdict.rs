@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 
 use crate::input::Run;
+use crate::metrics::{HELD_OUT_RETURN, RETURNS};
 use crate::picture::number::minus;
 use crate::report::{Answer, Measure, Verdict};
 
@@ -14,9 +15,6 @@ pub(super) struct Known {
     pub(super) documents: BTreeMap<&'static str, Value>,
     pub(super) run: Option<Run>,
 }
-
-/// How a policy's return is called in metrics, the best first.
-const RETURNS: [&str; 4] = ["eval_return", "evaluation_return", "mean_return", "episode_return"];
 
 pub(super) fn verdict(known: &[Known]) -> Verdict {
     let groups = vec![
@@ -101,8 +99,22 @@ fn predict(known: &[Known]) -> Vec<Measure> {
 }
 
 fn act(known: &[Known]) -> Vec<Measure> {
-    let of = |k: &Known| RETURNS.into_iter().find_map(|name| series(k, name));
-    measure(known, "Return of an episode", "where training ended", of).into_iter().collect()
+    let of = |k: &Known| {
+        let name = RETURNS.into_iter().find(|name| k.run.as_ref().is_some_and(|run| run.series.contains_key(*name)))?;
+        let mut answer = series(k, name)?;
+        if name == HELD_OUT_RETURN {
+            let run = k.run.as_ref()?;
+            let end = |part: &str| run.final_value(&format!("held_out.{part}"));
+            if let Some((low, high)) = end("held_out.interval.low").zip(end("held_out.interval.high")) {
+                answer.interval = format!("{} to {}", text(low), text(high));
+            }
+            let training = end("training_videos.mean_return");
+            answer.beside = training.map_or_else(String::new, |mean| format!("on training videos: {}", text(mean)));
+        }
+        Some(answer)
+    };
+    let reading = "sum of rewards; of evaluations on held-out videos where there are some, else while training";
+    measure(known, "Return of an episode", reading, of).into_iter().collect()
 }
 
 /// One number of a verb's document, with its interval, chance and control.
@@ -131,7 +143,7 @@ fn probes(known: &Known, section: &str) -> Option<Answer> {
     let (least, most) =
         scores.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), s| (a.min(s.latent), b.max(s.latent)));
     let interval =
-        if scores.len() > 1 { format!("single ones {} to {}", text(least), text(most)) } else { String::new() };
+        if scores.len() > 1 { format!("single quantities {} to {}", text(least), text(most)) } else { String::new() };
     Some(Answer { number: text(latent), interval, beside })
 }
 
@@ -223,7 +235,7 @@ mod tests {
         let task = &verdict.groups[0].1[0].answers[0];
         assert_eq!(
             (task.number.as_str(), task.interval.as_str(), task.beside.as_str()),
-            ("0.70", "single ones 0.50 to 0.90", "past actions alone: 0.25")
+            ("0.70", "single quantities 0.50 to 0.90", "past actions alone: 0.25")
         );
         let hardest = &verdict.groups[0].1[1];
         assert!(hardest.name.contains("speed") && hardest.answers[0].interval == "0.40 to 0.60", "{hardest:?}");

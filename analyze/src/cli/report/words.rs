@@ -42,6 +42,11 @@ pub(super) fn questions(task: Option<&str>) -> Vec<Question> {
             "Panels of one row share the state trajectory, panels of one column the distractor trajectory. Good: equal along rows, different along columns.".into(),
         ),
         question(
+            "clusters",
+            "Which groups do the latents form?",
+            format!("Groups by k-means. Good: a group is of one kind of {subject}, seen under many distractors."),
+        ),
+        question(
             "invariance",
             "How invariant is it?",
             "Good: the share of the state near 1, that of the distractor near 0, the same state found far more often than by chance and than from past actions alone.".into(),

@@ -48,6 +48,9 @@ fn plain(array: &dyn Array) -> PolarsResult<Box<dyn Array>> {
     use ArrowDataType as A;
     Ok(match array.dtype() {
         A::Float16 => single(array),
+        // Polars is built without its narrow integers.
+        A::Int8 | A::Int16 => cast_default(array, &A::Int32)?,
+        A::UInt8 | A::UInt16 => cast_default(array, &A::UInt32)?,
         A::Dictionary(_, values, _) => plain(cast_default(array, values)?.as_ref())?,
         A::List(_) => list::<i32>(array)?,
         A::LargeList(_) => list::<i64>(array)?,

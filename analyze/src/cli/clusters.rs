@@ -1,0 +1,132 @@
+//! `clusters`: latents in groups, and what each group holds.
+
+use std::fmt::Write as _;
+
+use serde_json::json;
+use vibes_data::{About, Readable};
+
+use super::maps::MapOptions;
+use super::session::{Input, Session};
+use super::{Globals, Outcome};
+use crate::figures::{Coloring, Figure, Map};
+use crate::output::{Column, write_csv};
+use vibes_measure::clusters::{ClusterSummary, Method, cluster_table, clusters};
+use vibes_measure::probes::{HoldOut, Quantity, Values};
+
+/// Groups of latents by k-means or DBSCAN: as colours on the map, as a column (clusters.arrow: episode, step, cluster), and as a table of what each group
+/// holds: its rows, how many states and distractors they are from, and the task quantities that set it apart.
+#[derive(Debug, clap::Args)]
+pub(super) struct Options {
+    #[command(flatten)]
+    input: Input,
+    /// How rows are grouped: k-means puts every row into one of --clusters groups, DBSCAN leaves out rows that lie alone.
+    #[arg(long, value_enum, default_value_t = Way::Kmeans)]
+    by: Way,
+    /// k-means: how many groups.
+    #[arg(long, default_value_t = 8)]
+    clusters: usize,
+    /// DBSCAN: rows within reach that make a place dense.
+    #[arg(long, default_value_t = 10)]
+    min_points: usize,
+    /// DBSCAN: how far is within reach, in standard deviations of the latents.
+    #[arg(long, default_value_t = 1.0)]
+    reach: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Way {
+    Kmeans,
+    Dbscan,
+}
+
+pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
+    let method = match options.by {
+        Way::Kmeans => Method::KMeans { k: options.clusters },
+        Way::Dbscan => Method::Dbscan { min_points: options.min_points, reach: options.reach },
+    };
+    let about = json!({ "method": format!("{method:?}") });
+    let mut session = Session::open(&options.input, globals, "clusters", about)?;
+    let labels = clusters(&session.table()?, method, &mut session.rng())?;
+    let quantities = quantities(&session)?;
+    let summaries = cluster_table(&session.table()?, &labels, &quantities)?;
+    let made = MapOptions::default().map(&mut session, globals)?;
+    let map = Map {
+        heading: session.heading(format!("Groups of {} latents", session.latents.len())),
+        axes: "UMAP".into(),
+        points: made.points(),
+        backdrop: Vec::new(),
+        coloring: Coloring::Kind { name: "cluster".into(), kinds: labels.clone(), names: Vec::new() },
+    };
+    session.save(&Figure::Map(map), "map-by-cluster")?;
+    let l = &session.latents;
+    // Arrow's unsigned numbers have no "none": rows of no group carry the largest number.
+    let column = labels.iter().map(|label| label.unwrap_or(u32::MAX)).collect();
+    let columns = [
+        ("episode", Column::UInt32(l.episode.clone())),
+        ("step", Column::UInt32(l.step.clone())),
+        ("cluster", Column::UInt32(column)),
+    ];
+    session.write_arrow("clusters", &columns)?;
+    write_summaries(&mut session, &summaries)?;
+    session.write_json("clusters", &json!({ "clusters": summaries }))?;
+    let alone = labels.iter().filter(|label| label.is_none()).count();
+    let count = summaries.iter().filter(|summary| summary.cluster.is_some()).count();
+    let mut line = format!("clusters: {count} groups of {} latents", labels.len());
+    if alone > 0 {
+        let _ = write!(line, ", {alone} rows in none");
+    }
+    for summary in &summaries {
+        let _ = write!(line, "\n  {}", sentence(summary));
+    }
+    Ok(session.finish(line))
+}
+
+/// The task quantities of every row, if the recording is at hand.
+fn quantities(session: &Session) -> anyhow::Result<Vec<Quantity>> {
+    let Some(frames) = session.frames()? else { return Ok(Vec::new()) };
+    let l = &session.latents;
+    let readable = frames.recording().manifest().spec.readable();
+    let quantity = |readable: &Readable| {
+        let of = |row: usize| readable.value(frames.view(l.episode[row])?, l.step[row] as usize);
+        // An episode's last row has no reward.
+        let values: Vec<f64> = (0..l.len()).map(of).collect::<Option<_>>()?;
+        Some(Quantity { name: readable.name.clone(), hold_out: HoldOut::State, values: Values::Numbers(values) })
+    };
+    let of_task = readable.iter().filter(|readable| readable.about == About::Task && !readable.is_class());
+    Ok(of_task.filter_map(quantity).filter(|quantity| quantity.values.vary()).collect())
+}
+
+/// A group in words: how many rows, from how many states, and what sets it apart most.
+fn sentence(summary: &ClusterSummary) -> String {
+    let name = summary.cluster.map_or_else(|| "in none".to_string(), |cluster| format!("cluster {cluster}"));
+    let mut apart: Vec<_> = summary.quantities.iter().filter(|typical| typical.apart.is_finite()).collect();
+    apart.sort_by(|a, b| b.apart.abs().total_cmp(&a.apart.abs()));
+    let typical = apart.iter().take(2).map(|t| format!("; {} {:.2} ± {:.2}", t.quantity, t.value, t.spread));
+    format!(
+        "{name}: {} rows of {} states and {} distractors{}",
+        summary.rows,
+        summary.states,
+        summary.distractors,
+        typical.collect::<String>()
+    )
+}
+
+/// The table of groups as CSV, a row a group and quantity.
+fn write_summaries(session: &mut Session, summaries: &[ClusterSummary]) -> anyhow::Result<()> {
+    let rows: Vec<_> = summaries.iter().flat_map(|s| s.quantities.iter().map(move |t| (s, t))).collect();
+    let name = |s: &ClusterSummary| s.cluster.map_or_else(|| "none".to_string(), |cluster| cluster.to_string());
+    let columns = [
+        ("cluster", Column::Text(rows.iter().map(|r| name(r.0)).collect())),
+        ("rows", Column::UInt32(rows.iter().map(|r| r.0.rows as u32).collect())),
+        ("states", Column::UInt32(rows.iter().map(|r| r.0.states as u32).collect())),
+        ("distractors", Column::UInt32(rows.iter().map(|r| r.0.distractors as u32).collect())),
+        ("quantity", Column::Text(rows.iter().map(|r| r.1.quantity.clone()).collect())),
+        ("value", Column::Float64(rows.iter().map(|r| r.1.value).collect())),
+        ("spread", Column::Float64(rows.iter().map(|r| r.1.spread).collect())),
+        ("apart", Column::Float64(rows.iter().map(|r| r.1.apart).collect())),
+    ];
+    let path = session.out.join("clusters.csv");
+    write_csv(&path, &columns)?;
+    session.outcome.files.push(path);
+    Ok(())
+}
