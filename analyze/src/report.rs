@@ -17,6 +17,9 @@ pub use verdict::{Answer, Measure, Verdict};
 use crate::picture::PAGE;
 use crate::picture::svg::escape;
 
+/// Most bytes of all the frames of a page: with the figures it stays under 15 MB.
+const FRAME_BYTES: usize = 5_000_000;
+
 /// A page.
 #[derive(Clone, Debug, Default)]
 pub struct Page {
@@ -130,7 +133,7 @@ impl Page {
         let _ = writeln!(body, "<div class=\"maps{alone}\">");
         for (number, map) in self.maps.iter().enumerate() {
             map.write(body, &format!("map{number}"));
-            map.write_data(data, &format!("map{number}"));
+            map.write_data(data, &format!("map{number}"), FRAME_BYTES / self.maps.len());
         }
         body.push_str("</div>\n");
     }
@@ -189,4 +192,46 @@ impl Section {
 /// The file cannot be written.
 pub fn write(path: &Path, page: &str) -> Result<(), vibes_data::Error> {
     vibes_data::write_atomically(path, page.as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::picture::Pixels;
+
+    /// Frames that no encoder can pack: the worst case.
+    fn noise(i: usize) -> Pixels {
+        let byte = |p: usize| ((i * 12_289 + p).wrapping_mul(2_654_435_761) >> 13) as u8;
+        Pixels { width: 64, height: 64, rgb: (0..64 * 64 * 3).map(byte).collect() }
+    }
+
+    #[test]
+    fn a_page_of_25_000_rows_stays_small_and_whole() {
+        let rows = 25_000_u32;
+        let column = |c: u32| LiveColumn {
+            name: format!("column {c} </script>"),
+            values: (0..rows).map(|row| (row * c) as f32).collect(),
+            kinds: Vec::new(),
+        };
+        let map = LiveMap {
+            name: "a < b".into(),
+            episode: (0..rows).map(|row| row / 250).collect(),
+            step: (0..rows).map(|row| row % 250).collect(),
+            positions: (0..rows).map(|row| [row as f32, -(row as f32)]).collect(),
+            columns: (0..20).map(column).collect(),
+            alive: (0..500).collect(),
+            k: 2,
+            near: (0..1000).collect(),
+            distance: vec![0.5; 1000],
+            framed: (0..1200).collect(),
+            frames: (0..1200).map(noise).collect(),
+        };
+        let page = Page { title: "two < runs & more".into(), maps: vec![map.clone(), map], ..Page::default() };
+        let html = page.html();
+        assert!(html.len() < 14_000_000, "{} bytes", html.len());
+        assert_eq!(html.matches("data-map=").count(), 2);
+        assert!(html.contains("two &lt; runs &amp; more") && !html.contains("{{"));
+        // Each map has its data; nothing of a name ends a script early.
+        assert_eq!(html.matches("<script").count(), html.matches("</script>").count());
+    }
 }

@@ -55,6 +55,37 @@ fn wrong_arguments_exit_with_2_and_list_the_choices() {
 }
 
 #[test]
+fn a_decoder_draws_what_latents_show_and_leaves_the_run_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 24, true);
+    let offline = ["offline", "coins", "-o", "run", "--preset", "tiny", "--updates", "3", "--quiet"];
+    assert_done(&vibes_train(folder.path(), &offline));
+    let weights = folder.path().join("run/checkpoints/000003/model.safetensors");
+    let before = std::fs::read(&weights).unwrap();
+    let decode = ["decode", "run", "coins", "--updates", "150", "--strips", "2", "--horizon", "5", "--json"];
+    let output = vibes_train(folder.path(), &decode);
+    assert_done(&output);
+    let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(said["last_error"].as_f64() < said["first_error"].as_f64(), "{said}");
+    assert_eq!(std::fs::read(&weights).unwrap(), before, "the encoder never learns from it");
+    let path = folder.path().join("run/decoded.arrow");
+    let decoded = vibes_data::Decoded::read(&path).unwrap();
+    assert_eq!((decoded.recording.as_deref(), decoded.objective.as_deref()), (Some("coins"), Some("vibes")));
+    assert_eq!(decoded.rows.len(), 2 * (3 + 5 + 1));
+    for row in &decoded.rows {
+        assert_eq!(row.recorded, recording.episode(row.episode).unwrap().pixels(row.step as usize));
+        assert_eq!(row.predicted.is_some(), row.step >= row.start);
+        // Where prediction begins there is nothing to predict yet.
+        assert!(row.step != row.start || row.predicted.as_ref() == Some(&row.shown));
+    }
+    let bytes = std::fs::read(&path).unwrap();
+    assert_done(&vibes_train(folder.path(), &decode));
+    assert_eq!(std::fs::read(&path).unwrap(), bytes, "the same seed gives the same pictures");
+    let output = vibes_train(folder.path(), &["decode", "run", "nowhere"]);
+    assert!(output.status.code() == Some(1) && errors(&output).contains("nowhere"), "{}", errors(&output));
+}
+
+#[test]
 fn train_go_on_encode_and_info() {
     let folder = tempfile::tempdir().unwrap();
     synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 20, true);

@@ -16,8 +16,6 @@ use crate::picture::svg::escape;
 
 /// Frames along a side of a sprite sheet (a browser's limit on an image's side is never near).
 const SHEET: usize = 32;
-/// Most bytes of all the frames of a map; beyond it they are packed tighter, then drawn smaller.
-const MOST_BYTES: usize = 6_500_000;
 /// Qualities tried for the sprite sheets, of 100, and by how much the side of a frame is divided.
 const TRIES: [(u8, u32); 5] = [(85, 1), (70, 1), (50, 1), (60, 2), (40, 2)];
 
@@ -82,9 +80,11 @@ impl LiveMap {
         );
     }
 
-    /// The map's data, for the end of the page.
-    pub(super) fn write_data(&self, data: &mut String, id: &str) {
-        let (sheets, size) = self.sheets();
+    /// The map's data, for the end of the page; frames take at most `most_bytes` before they are written as text, a third more as text.
+    ///
+    /// Beyond it they are packed tighter, then drawn smaller.
+    pub(super) fn write_data(&self, data: &mut String, id: &str, most_bytes: usize) {
+        let (sheets, size) = self.sheets(most_bytes);
         let numbers = |values: &mut dyn Iterator<Item = f32>| {
             STANDARD.encode(values.flat_map(f32::to_le_bytes).collect::<Vec<u8>>())
         };
@@ -118,14 +118,14 @@ impl LiveMap {
     }
 
     /// The sprite sheets, packed so that they stay within their share of the page, and the size of a frame on them.
-    fn sheets(&self) -> (Vec<Vec<u8>>, (u32, u32)) {
+    fn sheets(&self, most_bytes: usize) -> (Vec<Vec<u8>>, (u32, u32)) {
         let size = self.frames.first().map_or((1, 1), |f| (f.width, f.height));
         let mut packed = (Vec::new(), size);
         for (quality, divide) in TRIES {
             let frames: Vec<Pixels> = self.frames.iter().map(|frame| shrunk(frame, divide)).collect();
             let sheets = frames.chunks(SHEET * SHEET).map(|sheet| sprite_sheet(sheet, quality));
             packed = (sheets.collect::<Vec<_>>(), (size.0.div_ceil(divide), size.1.div_ceil(divide)));
-            if packed.0.iter().map(Vec::len).sum::<usize>() <= MOST_BYTES {
+            if packed.0.iter().map(Vec::len).sum::<usize>() <= most_bytes {
                 break;
             }
         }

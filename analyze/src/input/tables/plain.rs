@@ -4,7 +4,9 @@
 use std::path::Path;
 
 use polars::prelude::{ArrowDataType, PlSmallStr, PolarsResult, Series};
-use polars_arrow::array::{Array, FixedSizeListArray, ListArray, PrimitiveArray};
+use polars_arrow::array::{
+    Array, DictionaryArray, DictionaryKey, FixedSizeListArray, ListArray, PrimitiveArray, Utf8ViewArray,
+};
 use polars_arrow::datatypes::Field;
 use polars_arrow::offset::Offset;
 use polars_compute::cast::cast_default;
@@ -51,7 +53,7 @@ fn plain(array: &dyn Array) -> PolarsResult<Box<dyn Array>> {
         // Polars is built without its narrow integers.
         A::Int8 | A::Int16 => cast_default(array, &A::Int32)?,
         A::UInt8 | A::UInt16 => cast_default(array, &A::UInt32)?,
-        A::Dictionary(_, values, _) => plain(cast_default(array, values)?.as_ref())?,
+        A::Dictionary(..) => dictionary(array)?,
         A::List(_) => list::<i32>(array)?,
         A::LargeList(_) => list::<i64>(array)?,
         A::FixedSizeList(_, width) => match array.as_any().downcast_ref::<FixedSizeListArray>() {
@@ -64,6 +66,39 @@ fn plain(array: &dyn Array) -> PolarsResult<Box<dyn Array>> {
         },
         _ => array.to_boxed(),
     })
+}
+
+/// A dictionary's values in the order of its keys: texts, or numbers in double precision.
+fn dictionary(array: &dyn Array) -> PolarsResult<Box<dyn Array>> {
+    let keyed = keys_of::<u8>(array).or_else(|| keys_of::<i8>(array)).or_else(|| keys_of::<u16>(array));
+    let keyed = keyed.or_else(|| keys_of::<i16>(array)).or_else(|| keys_of::<u32>(array));
+    let keyed = keyed.or_else(|| keys_of::<i32>(array)).or_else(|| keys_of::<u64>(array));
+    let Some((keys, values)) = keyed.or_else(|| keys_of::<i64>(array)) else { return Ok(array.to_boxed()) };
+    let values = plain(values.as_ref())?;
+    if is_text(values.dtype()) {
+        let texts = cast_default(values.as_ref(), &ArrowDataType::Utf8View)?;
+        let Some(texts) = texts.as_any().downcast_ref::<Utf8ViewArray>() else { return Ok(array.to_boxed()) };
+        let chosen: Vec<Option<&str>> = keys.iter().map(|key| texts.get((*key)?)).collect();
+        return Ok(Utf8ViewArray::from_slice(&chosen).boxed());
+    }
+    let numbers = cast_default(values.as_ref(), &ArrowDataType::Float64)?;
+    let Some(numbers) = numbers.as_any().downcast_ref::<PrimitiveArray<f64>>() else { return Ok(array.to_boxed()) };
+    let number = |key: usize| (key < numbers.len() && numbers.is_valid(key)).then(|| numbers.value(key));
+    let chosen: Vec<Option<f64>> = keys.iter().map(|key| number((*key)?)).collect();
+    Ok(PrimitiveArray::from(chosen).boxed())
+}
+
+/// Keys, and the values that they are of.
+type Keyed = (Vec<Option<usize>>, Box<dyn Array>);
+
+/// The keys of a dictionary, if they are of this type, with its values.
+fn keys_of<K: DictionaryKey>(array: &dyn Array) -> Option<Keyed> {
+    let dictionary = array.as_any().downcast_ref::<DictionaryArray<K>>()?;
+    Some((dictionary.keys_iter().collect(), dictionary.values().clone()))
+}
+
+fn is_text(kind: &ArrowDataType) -> bool {
+    matches!(kind, ArrowDataType::Utf8 | ArrowDataType::LargeUtf8 | ArrowDataType::Utf8View)
 }
 
 fn list<O: Offset>(array: &dyn Array) -> PolarsResult<Box<dyn Array>> {
