@@ -173,6 +173,30 @@ mod tests {
         }
     }
 
+    /// Prints the times; run with `--ignored --nocapture`.
+    #[test]
+    #[ignore = "a benchmark"]
+    fn bench() {
+        use crate::neighbours::{Exclude, nearest};
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        let values: Vec<f32> = (0..100_000 * 32).map(|_| rng.random_range(-1.0..1.0)).collect();
+        let keys = vec![0; 100_000];
+        let space = Space::new(Table::new(32, &values, &keys, &keys).unwrap(), Metric::Euclidean).unwrap();
+        let bad: Vec<[f32; 2]> = values.chunks_exact(32).map(|x| [x[0], x[1]]).collect();
+        let queries: Vec<usize> = (0..5000).map(|i| 20 * i).collect();
+        let seconds = |work: &dyn Fn()| {
+            let start = std::time::Instant::now();
+            work();
+            start.elapsed().as_secs_f64()
+        };
+        let neighbours = seconds(&|| drop(nearest(&space, &queries, 15, Exclude::Itself).unwrap()));
+        let on_map = seconds(&|| drop(nearest_on_map(&bad, &queries, 15)));
+        let options = QualityOptions::default();
+        let judged = || quality(&space, &bad, options, &mut ChaCha8Rng::seed_from_u64(0)).is_ok();
+        let all = seconds(&|| assert!(judged()));
+        println!("neighbours in the space {neighbours:.2} s, on the map {on_map:.2} s, quality {all:.2} s");
+    }
+
     #[test]
     fn a_map_that_is_the_space_is_perfect() {
         let (_, map) = points();

@@ -11,6 +11,8 @@ use super::Space;
 const QUERIES: usize = 64;
 /// Rows in a block.
 const ROWS: usize = 1024;
+/// Numbers compared at once.
+const LANES: usize = 8;
 
 impl Space<'_> {
     /// The rank of each of `rows[q]` among all rows by distance to `queries[q]` (1 for the nearest; the query itself does not count), in single precision:
@@ -54,8 +56,10 @@ fn norm(point: &[f32]) -> f32 {
 /// The rows in question of one query.
 struct List {
     query: usize,
-    /// Their squared distances, rising.
+    /// Their squared distances, rising, and infinities up to a whole number of lanes.
     squared: Vec<f32>,
+    /// The largest that is finite.
+    farthest: f32,
     /// The query's squared norm, which scores lack.
     norm: f32,
     /// Relative error of a score.
@@ -69,28 +73,40 @@ impl List {
         let mut squared: Vec<f32> = rows.iter().map(|&row| space.squared_prepared(query, row as usize)).collect();
         squared.sort_unstable_by(f32::total_cmp);
         let error = (space.table().dims() as f32 + 16.0) * f32::EPSILON;
-        Self { query, norm: norms[query], error, nearer: vec![0; squared.len()], squared }
+        let (nearer, farthest) = (vec![0; squared.len()], squared.last().copied().unwrap_or(f32::NEG_INFINITY));
+        squared.resize(squared.len().next_multiple_of(LANES), f32::INFINITY);
+        Self { query, norm: norms[query], error, nearer, squared, farthest }
     }
 
     /// Count the rows of a block that are nearer than one in question.
     fn count(&mut self, space: &Space<'_>, scores: &[f32], first: usize, norms: &[f32]) {
-        let Some(&farthest) = self.squared.last() else { return };
         for (at, &score) in scores.iter().enumerate() {
             let row = first + at;
             let slack = 2.0 * self.error * (norms[row] + self.norm);
-            let mut squared = score + self.norm;
-            if squared > farthest + slack || row == self.query {
+            let squared = score + self.norm;
+            if squared > self.farthest + slack || row == self.query {
                 continue;
             }
-            let place = |distance: f32| self.squared.partition_point(|&one| one <= distance);
-            if place(squared - slack) != place(squared + slack) {
-                squared = space.squared_prepared(self.query, row);
+            let (mut place, close) = self.place(squared, slack);
+            if close {
+                place = self.place(space.squared_prepared(self.query, row), 0.0).0;
             }
-            let place = place(squared);
             if place < self.nearer.len() {
                 self.nearer[place] += 1;
             }
         }
+    }
+
+    /// How many of the rows in question are as near or nearer, and whether one of them is within `slack`: over whole lanes, without a branch.
+    fn place(&self, squared: f32, slack: f32) -> (usize, bool) {
+        let (mut counts, mut close) = ([0_u32; LANES], [false; LANES]);
+        for lanes in self.squared.chunks_exact(LANES) {
+            for lane in 0..LANES {
+                counts[lane] += u32::from(lanes[lane] <= squared);
+                close[lane] |= (lanes[lane] - squared).abs() <= slack;
+            }
+        }
+        (counts.iter().sum::<u32>() as usize, close.contains(&true))
     }
 
     fn finish(self) -> Vec<u64> {
