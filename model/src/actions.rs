@@ -19,7 +19,7 @@ const UNIT_ENTROPY: f32 = 1.418_938_5;
 pub enum ActionDistribution {
     /// `DreamerV3`'s: a normal with mean `tanh(m)` and standard deviation `0.9 σ(v + 2) + 0.1`, whose samples are cut to −1..1. Its entropy has a closed form.
     BoundedNormal,
-    /// Dreamer's and RePo's: `tanh(x)` of a normal `x` with mean `5 tanh(m / 5)` and standard deviation `softplus(v + 4.99) + 0.1`, which begins at 5.1.
+    /// Dreamer's and `RePo`'s: `tanh(x)` of a normal `x` with mean `5 tanh(m / 5)` and standard deviation `softplus(v + 4.99) + 0.1`, which begins at 5.1.
     TanhNormal,
 }
 

@@ -21,7 +21,7 @@ const REACH: f64 = 20.0;
 pub enum ValueDistribution {
     /// `DreamerV3`'s: a softmax over [`BINS`] values that grow exponentially; a target is split over the two bins beside it, and the loss is the cross entropy.
     TwoHot,
-    /// Dreamer's and RePo's: the mean of a normal with unit variance, so the loss is half the squared error.
+    /// Dreamer's and `RePo`'s: the mean of a normal with unit variance, so the loss is half the squared error.
     Gaussian,
 }
 

@@ -1,4 +1,4 @@
-//! The latents of the next `K` steps, told from (h_t, s_t) and the actions taken, without a picture on the way. The paper predicts one step.
+//! The latents of the next `K` steps, told from `(h_t, s_t)` and the actions taken, without a picture on the way. The paper predicts one step.
 //!
 //! ```text
 //! 1/(N K) Σ_t Σ_k log p_θ(s_t+k | h_t+k run ahead under the recorded actions),   targets s_t+k without gradient

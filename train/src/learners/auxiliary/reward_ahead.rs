@@ -1,4 +1,4 @@
-//! The rewards of the next `K` steps, told from (h_t, s_t) and the actions taken, without a picture on the way. The paper lacks it.
+//! The rewards of the next `K` steps, told from `(h_t, s_t)` and the actions taken, without a picture on the way. The paper lacks it.
 //!
 //! ```text
 //! 1/(N K) Σ_t Σ_k log p_θ(r_t+k | ŝ_t+k, a_t+k),   ŝ from the dynamics run ahead under the recorded actions
