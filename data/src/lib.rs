@@ -15,7 +15,6 @@ mod manifest;
 mod map;
 mod mcap_log;
 mod place;
-mod portable;
 mod quantities;
 mod recording;
 mod run;
@@ -37,7 +36,6 @@ pub use manifest::{Cell, EpisodeEntry, FORMAT, FileEntry, Grid, Manifest, Video}
 pub use map::read_table;
 pub use mcap_log::{mcap_bytes, read_mcap};
 pub use place::{find_place, relative_place};
-pub use portable::portable;
 pub use quantities::{About, Formula, Quantity, Readable};
 pub use recording::Recording;
 pub use run::{Metrics, MetricsFile, RUN_FORMAT, RunFolder, RunInfo};

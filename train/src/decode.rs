@@ -11,7 +11,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand::seq::{SliceRandom as _, index};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use vibes_data::{Decoded, DecodedRow, EpisodeView, Recording, portable};
+use vibes_data::{Decoded, DecodedRow, EpisodeView, Recording, relative_place};
 use vibes_model::decoder::Decoder;
 use vibes_model::dynamics::Dynamics;
 use vibes_model::encode::EpisodeEncoder;
@@ -20,7 +20,7 @@ use vibes_model::observe::Frames;
 use vibes_model::parameters::{read_parameters, to_values};
 use vibes_model::{Model, ModelConfig, ObservationKind, scale};
 
-use crate::encode::{check_fit, encode_rows};
+use crate::encode::{check_fit, encode_rows, folder_of};
 use crate::error::{Result, TrainError};
 use crate::learners::optimizer::{NamedGradients, Optimizer};
 
@@ -108,8 +108,8 @@ pub fn decode(
     let decoded = Decoded {
         size: (height as u32, width as u32),
         rows,
-        recording: Some(portable(show.path(), output)),
-        checkpoint: Some(portable(checkpoint, output)),
+        recording: Some(relative_place(show.path(), folder_of(output))),
+        checkpoint: Some(relative_place(checkpoint, folder_of(output))),
         objective: None,
         explained: explained.share(),
     };

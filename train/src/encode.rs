@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use burn::tensor::Device;
-use vibes_data::{EpisodeEntry, EpisodeView, Latents, LatentsSource, LatentsWriter, Recording, portable};
+use vibes_data::{EpisodeEntry, EpisodeView, Latents, LatentsSource, LatentsWriter, Recording, relative_place};
 use vibes_model::encode::{EpisodeEncoder, RawFrames};
 use vibes_model::sac::SacAgent;
 use vibes_model::{Model, ObservationKind};
@@ -29,8 +29,8 @@ pub fn encode_recording(
 ) -> Result<()> {
     check_fit(model, recording)?;
     let source = LatentsSource {
-        recording: Some(portable(recording.path(), output)),
-        checkpoint: Some(portable(checkpoint, output)),
+        recording: Some(relative_place(recording.path(), folder_of(output))),
+        checkpoint: Some(relative_place(checkpoint, folder_of(output))),
     };
     let mut table = LatentsWriter::create(output, model.config.latent, &source)?;
     let mut encoder = EpisodeEncoder::new(model, device);
@@ -47,6 +47,11 @@ pub fn encode_recording(
         }
     }
     Ok(table.finish()?)
+}
+
+/// The folder of a file, which places in it are relative to.
+pub(crate) fn folder_of(file: &Path) -> &Path {
+    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// Posterior means of some rows of an episode, which must follow those encoded before: `[rows, latent]`.
@@ -139,8 +144,8 @@ pub fn encode_stacks(
 ) -> Result<()> {
     let dims = agent.config().feature;
     let source = LatentsSource {
-        recording: Some(portable(recording.path(), output)),
-        checkpoint: Some(portable(checkpoint, output)),
+        recording: Some(relative_place(recording.path(), folder_of(output))),
+        checkpoint: Some(relative_place(checkpoint, folder_of(output))),
     };
     let mut table = LatentsWriter::create(output, dims, &source)?;
     let mut done = 0;

@@ -70,7 +70,7 @@ fn a_decoder_draws_what_latents_show_and_leaves_the_run_as_it_is() {
     assert_eq!(std::fs::read(&weights).unwrap(), before, "the encoder never learns from it");
     let path = folder.path().join("run/decoded.arrow");
     let decoded = vibes_data::Decoded::read(&path).unwrap();
-    assert_eq!((decoded.recording.as_deref(), decoded.objective.as_deref()), (Some("coins"), Some("vibes")));
+    assert_eq!((decoded.recording.as_deref(), decoded.objective.as_deref()), (Some("../coins"), Some("vibes")));
     assert_eq!(decoded.rows.len(), 2 * (3 + 5 + 1));
     for row in &decoded.rows {
         assert_eq!(row.recorded, recording.episode(row.episode).unwrap().pixels(row.step as usize));

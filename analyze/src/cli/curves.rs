@@ -91,7 +91,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     files.extend(Figure::Table(table.clone()).save(&out, "table")?);
     files.push(write_curves(&out, &curves)?);
     let document = output::document(
-        &json!({ "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "curves", "runs": options.runs.iter().map(|run| vibes_data::portable(run, &out)).collect::<Vec<_>>(), "note": options.note }),
+        &json!({ "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "curves", "runs": options.runs.iter().map(|run| vibes_data::relative_place(run, &out)).collect::<Vec<_>>(), "note": options.note }),
         &json!({ "groups": names, "table": numbers(&table) }),
     )?;
     let path = out.join("curves.json");

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use serde_json::json;
-use vibes_data::{Decoded, DecodedRow, portable};
+use vibes_data::{Decoded, DecodedRow, relative_place};
 
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Figure, Heading, Strip, StripLine, Strips};
@@ -59,7 +59,7 @@ pub(super) fn run(options: &Options, _globals: &Globals) -> anyhow::Result<Outco
     let runs = sources.iter().zip(&options.runs).map(|(source, path)| {
         let decoded = &source.decoded;
         json!({
-            "name": source.name, "decoded": portable(&decoded_path(path), &out), "recording": decoded.recording,
+            "name": source.name, "decoded": relative_place(&decoded_path(path), &out), "recording": decoded.recording,
             "checkpoint": decoded.checkpoint, "objective": decoded.objective, "explained": decoded.explained,
         })
     });

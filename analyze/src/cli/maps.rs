@@ -222,7 +222,7 @@ impl MapOptions {
             positions,
             recipe,
             quality: quality.to_string(),
-            latents: vibes_data::portable(&session.path, path),
+            latents: vibes_data::relative_place(&session.path, &session.out),
         };
         table.write(path)?;
         Ok(MadeMap { positions: table.positions, backdrop: Vec::new(), quality, how })

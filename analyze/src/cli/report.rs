@@ -10,7 +10,6 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::Parser;
 use serde_json::{Value, json};
-use vibes_data::portable;
 
 use super::maps::MapOptions;
 use super::session::{Input, Session};
@@ -153,10 +152,12 @@ fn chapter(
         sections.push(answer(options, &["decode", &run.display().to_string()], folder, section).0);
     }
     let l = &session.latents;
-    let from = l.source.checkpoint.as_deref().map_or_else(String::new, |checkpoint| {
-        // Older tables name whole paths of the machine that wrote them.
-        format!(", encoded by {}", portable(Path::new(checkpoint), folder))
-    });
+    // The last names say which checkpoint it is; where it lies on this machine is nobody's business.
+    let names = |checkpoint: &str| {
+        let names: Vec<&str> = checkpoint.rsplit('/').take(3).filter(|name| *name != "..").collect();
+        names.into_iter().rev().collect::<Vec<_>>().join("/")
+    };
+    let from = l.source.checkpoint.as_deref().map_or_else(String::new, |c| format!(", encoded by {}", names(c)));
     let origin = format!("{} rows of {} dimensions{from}; map: {}", l.len(), l.dims, made.quality_text());
     Ok((Chapter { title, origin, sections }, documents))
 }

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::Serialize;
 use serde_json::{Value, json};
-use vibes_data::{Latents, portable};
+use vibes_data::{Latents, relative_place};
 
 use super::{Globals, Outcome, say, wrong};
 use crate::figures::{Figure, Heading};
@@ -140,7 +140,7 @@ impl Session {
         let out = input.output.clone().unwrap_or_else(|| path.parent().unwrap_or(Path::new("")).join("figures"));
         let about = json!({
             "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": verb, "options": options, "seed": input.seed,
-            "latents": portable(&path, &out), "rows": latents.len(), "where": input.rows, "dims": latents.dims,
+            "latents": relative_place(&path, &out), "rows": latents.len(), "where": input.rows, "dims": latents.dims,
             "checkpoint": latents.source.checkpoint, "note": input.note,
         });
         let outcome = Outcome { remarks, ..Outcome::default() };
@@ -225,7 +225,7 @@ impl Session {
     /// Writes numbers as the table `STEM.arrow`, which names the latents.
     pub(super) fn write_arrow(&mut self, stem: &str, columns: &[(&str, Column)]) -> anyhow::Result<()> {
         let path = self.out.join(format!("{stem}.arrow"));
-        output::write_table(&path, columns, &[("vibes.latents", portable(&self.path, &self.out))])?;
+        output::write_table(&path, columns, &[("vibes.latents", relative_place(&self.path, &self.out))])?;
         self.outcome.files.push(path);
         Ok(())
     }

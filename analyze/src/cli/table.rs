@@ -71,7 +71,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let document = output::document(
         &json!({
             "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "table", "by": by, "where": options.rows,
-            "runs": options.runs.iter().map(|run| vibes_data::portable(run, &out)).collect::<Vec<_>>(), "note": options.note,
+            "runs": options.runs.iter().map(|run| vibes_data::relative_place(run, &out)).collect::<Vec<_>>(), "note": options.note,
         }),
         &table,
     )?;
