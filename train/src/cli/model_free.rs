@@ -37,7 +37,7 @@ pub(crate) struct ModelFreeArgs {
     /// The agent: dreamer, sac or qt-opt.
     #[arg(long, value_enum, default_value_t = AgentKind::Dreamer)]
     agent: AgentKind,
-    /// The system to begin as: sac-rad, sac-drq, curl, deepmdp, dbc, mico, or qt-opt-rad, qt-opt-drq [default: sac-drq, qt-opt-drq].
+    /// The system to begin as: sac-rad, sac-drq, curl, deepmdp, dbc, mico, simsr, or qt-opt-rad, qt-opt-drq [default: sac-drq, qt-opt-drq].
     #[arg(long, value_name = "NAME")]
     system: Option<String>,
     /// Its size: small (64 pixels, batches of 128, one view) or paper (84 pixels, batches of 512) [default: small].
@@ -150,7 +150,7 @@ pub(crate) fn run(context: &Context, folder: &Folder) -> Result<Ending> {
         }
     };
     say(&format!(
-        "{} ({:?}) on {}, distractors {}, {} updates per agent step; into {path}",
+        "{} ({}) on {}, distractors {}, {} updates per agent step; into {path}",
         options.system,
         options.size,
         options.online.world.task,

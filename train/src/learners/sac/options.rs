@@ -131,8 +131,17 @@ pub enum Size {
     Small,
 }
 
+impl fmt::Display for Size {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Paper => "paper",
+            Self::Small => "small",
+        })
+    }
+}
+
 /// A system's options by its name.
-pub const SYSTEMS: [(&str, fn() -> SacOptions); 8] = [
+pub const SYSTEMS: [(&str, fn() -> SacOptions); 9] = [
     ("sac-rad", sac_rad),
     ("sac-drq", sac_drq),
     ("qt-opt-rad", qt_opt_rad),
@@ -141,6 +150,7 @@ pub const SYSTEMS: [(&str, fn() -> SacOptions); 8] = [
     ("deepmdp", deepmdp),
     ("dbc", dbc),
     ("mico", mico),
+    ("simsr", simsr),
 ];
 
 impl SacOptions {
@@ -232,6 +242,10 @@ fn deepmdp() -> SacOptions {
 
 fn dbc() -> SacOptions {
     SacOptions { auxiliary: Auxiliary::Dbc, ..deepmdp() }
+}
+
+fn simsr() -> SacOptions {
+    SacOptions { auxiliary: Auxiliary::SimSr, ..deepmdp() }
 }
 
 fn mico() -> SacOptions {
