@@ -19,7 +19,9 @@ use crate::paths::rebase;
 use crate::plan::{RecordOptions, state_seed};
 use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, record};
 use crate::stored::{has_logs, options_of};
+use crate::trained::acted_by;
 use crate::{Error, Result};
+use vibes_env::{PolicyMix, PolicySpec};
 
 /// How large a recording is to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +41,14 @@ impl Size {
     pub fn episodes(self) -> u32 {
         match self {
             Self::Grid(grid) => grid.states * grid.distractors,
+            Self::Episodes(count) => count,
+        }
+    }
+
+    /// Number of state trajectories.
+    fn states(self) -> u32 {
+        match self {
+            Self::Grid(grid) => grid.states,
             Self::Episodes(count) => count,
         }
     }
@@ -84,6 +94,9 @@ pub fn extend(path: &Path, size: Size, run: ExtendRun<'_>, report: &(dyn Fn(Prog
     let recording = Recording::open(path)?;
     let old = options_of(&recording)?;
     check(&recording, &old, size)?;
+    if size.states() > Size::of(&old).states() {
+        check_actors(&recording, &old)?;
+    }
     let options = match size {
         Size::Grid(grid) => RecordOptions { grid: Some(grid), episodes: size.episodes(), ..old.clone() },
         Size::Episodes(episodes) => RecordOptions { episodes, ..old.clone() },
@@ -143,6 +156,21 @@ fn check(recording: &Recording, options: &RecordOptions, size: Size) -> Result<(
         Some(entry) => fault(format!("its episode {} is not the one that its options make", entry.index)),
         None => Ok(()),
     }
+}
+
+/// Whether the trained runs that act are still those that acted: one that has learned on since would act in the new rows alone.
+fn check_actors(recording: &Recording, options: &RecordOptions) -> Result<()> {
+    let mix: PolicyMix = options.policy.parse()?;
+    for (policy, _) in mix.shares() {
+        let PolicySpec::Run { path } = policy else { continue };
+        let now = acted_by(path, &options.task)?;
+        if !options.acting.contains(&now) {
+            let known: Vec<&str> = options.acting.iter().map(|acting| acting.checkpoint.as_str()).collect();
+            let fact = format!("{} is at checkpoint {} now, not at {}", now.run, now.checkpoint, known.join(" or "));
+            return Err(Error::NotAsPlanned { fact, path: recording.path().into() });
+        }
+    }
+    Ok(())
 }
 
 /// Writes a manifest that asks for more; the episodes that are there stay in it.
