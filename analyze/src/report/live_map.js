@@ -1,6 +1,6 @@
 "use strict";
-// Maps that answer. Each .live element has a canvas, tools, a card and a place for chosen frames; its data lies at the end of the page as
-// <script type="application/json" data-map="…">: columns and places as base64 of little-endian numbers, frames on sprite sheets.
+// Maps that answer. Each .live element has a canvas, tools, a card and a place for chosen frames; its data lies at the end of the page in elements of
+// their own (data-map, data-sheet): columns and places as base64 of little-endian numbers, frames on sprite sheets.
 const VIRIDIS = ["#440154", "#482878", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725"];
 const KINDS = ["#3f90da", "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70", "#717581", "#92dadd"];
 const NONE = "#d0d0d0", MARK = "#d55e00", MOST_CHOSEN = 48;
