@@ -106,7 +106,8 @@ fn file(path: &Path, descr: &str, number: fn(f64) -> Vec<u8>, more: &[(&str, Vec
 #[test]
 fn every_float_of_numpy_in_either_byte_order_is_read() {
     let within = tempfile::tempdir().unwrap();
-    let kinds: [(&str, fn(f64) -> Vec<u8>); 6] = [
+    type Kind = (&'static str, fn(f64) -> Vec<u8>);
+    let kinds: [Kind; 6] = [
         ("<f2", |x| half::f16::from_f64(x).to_le_bytes().to_vec()),
         (">f2", |x| half::f16::from_f64(x).to_be_bytes().to_vec()),
         ("<f4", |x| (x as f32).to_le_bytes().to_vec()),

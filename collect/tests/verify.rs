@@ -39,7 +39,8 @@ fn a_damaged_episode_condemns_itself_alone() {
     works(folder.path(), "--episodes 3 --steps 4 --size 24 --no-mcap -q -o r");
     let sound = Recording::open(&folder.path().join("r")).unwrap();
     assert_eq!(verify(&sound, true).unwrap().findings, []);
-    let damages: [(&str, fn(&mut Episode), &str); 4] = [
+    type Damage = (&'static str, fn(&mut Episode), &'static str);
+    let damages: [Damage; 4] = [
         ("picture", |episode| episode.pixels[..24 * 24 * 3].fill(7), "a picture differs"),
         ("qpos", |episode| episode.qpos[2] += 1e-3, "positions differ"),
         ("nan", |episode| episode.qpos[4] = f64::NAN, "positions differ by inf"),

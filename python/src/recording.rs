@@ -101,7 +101,7 @@ impl Episode {
     fn has_pixels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let rows = self.view.rows();
         let there = |column: &ArrayRef| (0..rows).map(|row| column.is_valid(row)).collect();
-        let valid = self.view.table().column_by_name("pixels").map_or_else(|| vec![false; rows], |c| there(c));
+        let valid = self.view.table().column_by_name("pixels").map_or_else(|| vec![false; rows], there);
         Ok(shaped(py, valid, &[rows])?.into_any())
     }
 

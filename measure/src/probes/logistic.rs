@@ -12,6 +12,9 @@ use super::held_out::Predictions;
 use super::quantity::Targets;
 use crate::{Error, Table};
 
+/// What one fold predicts: a row and its score of every class, `[classes]`.
+type FoldScores = Vec<(usize, Vec<f64>)>;
+
 /// Penalty on the squared weights, beside the summed log-loss: that of a standard normal prior.
 const PENALTY: f64 = 1.0;
 /// Steps of L-BFGS at most.
@@ -33,7 +36,7 @@ pub(super) fn predict(
     for span in &targets.spans {
         let classes: Vec<usize> =
             drawn.iter().map(|&row| class(&targets.row(row)[span.first..][..span.columns])).collect();
-        let per_fold: Result<Vec<Vec<(usize, Vec<f64>)>>, Error> = (0..folds)
+        let per_fold: Result<Vec<FoldScores>, Error> = (0..folds)
             .into_par_iter()
             .map(|out| {
                 let (apart, fitted): (Vec<usize>, Vec<usize>) =

@@ -28,7 +28,7 @@ pub struct Temperature {
     pub log: Param<Tensor<1>>,
 }
 
-/// A Gaussian model of the next features, and a model of the reward (facebookresearch/deep_bisim4control).
+/// A Gaussian model of the next features, and a model of the reward (`facebookresearch/deep_bisim4control`).
 #[derive(Module, Debug)]
 pub struct Transition {
     /// (features, action) to mean and spread of the next features.

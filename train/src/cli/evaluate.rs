@@ -75,7 +75,7 @@ fn print_report(report: &Report) {
     report.numbers.iter().filter(|number| !is_probe(number)).for_each(|number| print_number(&number.name, number));
     match report.fitted_on {
         Some(episodes) => {
-            println!("read by linear probes fitted on {episodes} training episodes (R²; accuracy for video):")
+            println!("read by linear probes fitted on {episodes} training episodes (R²; accuracy for video):");
         }
         None => println!("read by linear probes fitted on the grid's other trajectories (R²; accuracy for video):"),
     }

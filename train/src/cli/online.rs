@@ -355,7 +355,7 @@ fn report(context: &Context, run: &Run, end: End) -> Result<()> {
     let text = found.map_or(String::new(), |mean| format!("; mean return on held-out videos {mean:.1}"));
     match end {
         End::Nothing => {
-            println!("{path} has lived through its control steps already{text}; ask for more with --control-steps N")
+            println!("{path} has lived through its control steps already{text}; ask for more with --control-steps N");
         }
         End::Updates => println!("done{text}; next: vibes-collect --policy {path} --grid 10x10"),
         End::Minutes | End::Stopped => println!("stopped and saved{text}; the same command goes on from there: {path}"),

@@ -297,7 +297,7 @@ impl<'a> Scene<'a> {
         self.corrected(model, refitted.dynamics.forward(own.clone()), refitted.reward.forward(own))
     }
 
-    /// `(h_t, s_t, a_t)` of every row, h_t before the action is consumed: zeros at the window's first row.
+    /// `(h_t, s_t, a_t)` of every row, `h_t` before the action is consumed: zeros at the window's first row.
     fn own_state(&self, model: &Model) -> Tensor<3> {
         let (_, after) = model.world.dynamics.forward(self.latents.clone(), self.batch.actions.clone(), None);
         let first = after.clone().narrow(0, 0, 1).zeros_like();

@@ -165,9 +165,9 @@ fn spread_inputs<V: Lanes>(input: Map<'_>, tiles: Tiles, band: Band, factors: &m
                 let at = |j: usize| number::<V>(input.numbers, input.size, [top + i, left + j], part);
                 *line = spread([at(0), at(1), at(2), at(3)]);
             }
-            for j in 0..4 {
-                let column = spread([lines[0][j], lines[1][j], lines[2][j], lines[3][j]]);
-                for (i, value) in column.into_iter().enumerate() {
+            let [first, second, third, fourth] = lines;
+            for (j, (((a, b), c), d)) in first.into_iter().zip(second).zip(third).zip(fourth).enumerate() {
+                for (i, value) in spread([a, b, c, d]).into_iter().enumerate() {
                     value.put(factors, (4 * i + j) * plane + tile * FILTERS + part);
                 }
             }
@@ -206,9 +206,9 @@ fn gather_outputs<V: Lanes>(products: &[f32], tiles: Tiles, band: Band, finish: 
             for (j, column) in columns.iter_mut().enumerate() {
                 *column = gather([at(0, j), at(1, j), at(2, j), at(3, j)]);
             }
-            for i in 0..2 {
-                let line = gather([columns[0][i], columns[1][i], columns[2][i], columns[3][i]]);
-                for (j, value) in line.into_iter().enumerate() {
+            let [first, second, third, fourth] = columns;
+            for (i, (((a, b), c), d)) in first.into_iter().zip(second).zip(third).zip(fourth).enumerate() {
+                for (j, value) in gather([a, b, c, d]).into_iter().enumerate() {
                     if top + i < height && left + j < width {
                         let value = match finish {
                             Finish::Relu(bias) => value.plus(V::at(bias, part)).positive(),

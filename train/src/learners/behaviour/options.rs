@@ -60,9 +60,11 @@ pub struct BehaviourOptions {
     pub every_start: usize,
 }
 
+/// A name and the options it stands for.
+pub type Recipe = (&'static str, fn() -> BehaviourOptions);
+
 /// The recipes by name.
-pub const RECIPES: [(&str, fn() -> BehaviourOptions); 3] =
-    [("mixed", mixed), ("gaussian", gaussian), ("dreamer-v3", dreamer_v3)];
+pub const RECIPES: [Recipe; 3] = [("mixed", mixed), ("gaussian", gaussian), ("dreamer-v3", dreamer_v3)];
 
 /// The bounded normal of `DreamerV3`, whose entropy is exact and which cannot saturate, with the squared error and the discount of the Gaussian family.
 pub fn mixed() -> BehaviourOptions {

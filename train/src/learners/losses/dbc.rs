@@ -1,4 +1,4 @@
-//! Deep bisimulation for control (facebookresearch/deep_bisim4control): each dimension of two latents should differ as much as the rewards and the predicted next
+//! Deep bisimulation for control (`facebookresearch/deep_bisim4control`): each dimension of two latents should differ as much as the rewards and the predicted next
 //! latents do.
 //!
 //! ```text

@@ -1,4 +1,4 @@
-//! Deep bisimulation for control (facebookresearch/deep_bisim4control): latents differ, dimension by dimension, as much as rewards and predicted next latents do.
+//! Deep bisimulation for control (`facebookresearch/deep_bisim4control`): latents differ, dimension by dimension, as much as rewards and predicted next latents do.
 //!
 //! ```text
 //! L = Σ log p(r_t | s_t, a_t) − ½ mean (h(z_i − z_j) − h(r_i − r_j) − γ W₂(p(·|z_i, a_i), p(·|z_j, a_j)))² − transition loss

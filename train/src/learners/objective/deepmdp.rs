@@ -47,7 +47,7 @@ impl Definition for DeepMdp {
     }
 }
 
-/// (latent, action) to the next latent, each dimension with a standard deviation of its own (facebookresearch/deep_bisim4control).
+/// (latent, action) to the next latent, each dimension with a standard deviation of its own (`facebookresearch/deep_bisim4control`).
 #[derive(Debug)]
 pub struct Transition;
 

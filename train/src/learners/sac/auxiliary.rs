@@ -15,7 +15,7 @@ use crate::error::{Result, TrainError};
 use crate::learners::losses::dbc::NextLatent;
 use crate::learners::losses::{contrast, dbc, mico, simsr, transition};
 
-/// Least and most standard deviation of predicted features (facebookresearch/deep_bisim4control).
+/// Least and most standard deviation of predicted features (`facebookresearch/deep_bisim4control`).
 const STD: [f32; 2] = [1e-4, 10.0];
 
 /// What a loss is made of.

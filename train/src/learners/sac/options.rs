@@ -1,6 +1,6 @@
 //! What a model-free agent can be asked for, and the systems of the paper's table by name. In: a system's name, a size. Out: options.
 //!
-//! Facts of each system are from its own repository: `MishaLaskin/rad` and curl, denisyarats/drq, tensorflow/agents (QT-Opt), facebookresearch/deep_bisim4control,
+//! Facts of each system are from its own repository: `MishaLaskin/rad` and curl, denisyarats/drq, tensorflow/agents (QT-Opt), `facebookresearch/deep_bisim4control`,
 //! google-research's `MICo`, bit1029public/SimSR.
 
 use std::fmt;
@@ -140,8 +140,11 @@ impl fmt::Display for Size {
     }
 }
 
+/// A system's name and its options.
+pub type System = (&'static str, fn() -> SacOptions);
+
 /// A system's options by its name.
-pub const SYSTEMS: [(&str, fn() -> SacOptions); 9] = [
+pub const SYSTEMS: [System; 9] = [
     ("sac-rad", sac_rad),
     ("sac-drq", sac_drq),
     ("qt-opt-rad", qt_opt_rad),
