@@ -221,7 +221,7 @@ fn a_stage_that_could_not_be_read_is_refused_before_anything_runs() {
     for (find, put, wanted) in [
         ("--latent", "--latnet", "--latnet"),
         ("vibes-train encode {run} coins", "vibes-train sweep plan.toml", "a sweep inside a sweep"),
-        ("{seed}", "{sed}", "no setting {sed}"),
+        ("{seed}", "{sed}", "no stage uses the setting seed"),
     ] {
         let text = PLAN.replace("UPDATES", "2").replace(find, put);
         std::fs::write(folder.join("bad.toml"), text).unwrap();
@@ -262,7 +262,10 @@ for index in 0 1 2 3; do
         before=$(cat requeued 2>/dev/null | wc -l)
         bash "$1" & job=$!
         if [ $attempt = 1 ]; then
-            until ls runs/sweep/*/checkpoints/000002 >/dev/null 2>&1 && [ "$(ls -d runs/sweep/*/checkpoints/000002 | wc -l)" -gt $index ]; do sleep 0.02; done
+            until [ "$(ls -d runs/sweep/*/checkpoints/[0-9]* 2>/dev/null | cut -d/ -f3 | sort -u | wc -l)" -gt $index ]; do
+                kill -0 $job 2>/dev/null || break
+                sleep 0.02
+            done
             kill -USR1 $job
         fi
         wait $job; echo "$index $attempt $?" >>codes
