@@ -229,7 +229,7 @@ mod tests {
         let page = Page { title: "two < runs & more".into(), maps: vec![map.clone(), map], ..Page::default() };
         let html = page.html();
         assert!(html.len() < 14_000_000, "{} bytes", html.len());
-        assert_eq!(html.matches("data-map=").count(), 2);
+        assert_eq!(html.matches("data-map=\"map").count(), 2);
         assert!(html.contains("two &lt; runs &amp; more") && !html.contains("{{"));
         // Each map has its data; nothing of a name ends a script early.
         assert_eq!(html.matches("<script").count(), html.matches("</script>").count());

@@ -456,7 +456,7 @@ fn wrong_arguments_say_what_would_be_right() {
     assert!(bad(here, &["umap", "--neighbours", "1"], 2).contains("at least 2"));
     assert!(bad(here, &["symmetry"], 2).contains("to_target"));
     assert!(bad(here, &["embed"], 2).contains("unrecognized subcommand"));
-    assert!(bad(here, &["nn", "--config", "none.toml"], 1).contains("none.toml"));
+    assert!(bad(here, &["nn", "--config", "none.toml"], 2).contains("none.toml"));
 }
 
 #[test]
