@@ -19,8 +19,8 @@ while [ $# -gt 0 ]; do
     shift
 done
 [ -n "${source:-}" ] || exit 0
-render() { rustdoc "$@" "${arguments[@]}" --document-private-items -D warnings -D rustdoc::broken-intra-doc-links -o "$pages"; }
-render "$source" --crate-type lib --crate-name "${CARGO_CRATE_NAME:-$(basename "$PWD" | tr - _)}"
-# A program beside the library has documentation too.
+render() { rustdoc "$@" "${arguments[@]}" -D rustdoc::broken-intra-doc-links -o "$pages"; }
+render "$source" --crate-type lib --crate-name "${CARGO_CRATE_NAME:-$(basename "$PWD" | tr - _)}" -D warnings
+# A program beside the library has documentation too. Much of it is help text, which has marks of its own, so only its links count.
 program=$(dirname "$source")/main.rs
-[ ! -f "$program" ] || render "$program" --crate-type bin --crate-name program
+[ ! -f "$program" ] || render "$program" --crate-type bin --crate-name program --document-private-items

@@ -51,7 +51,7 @@ pub struct RecordRun<'a> {
     pub source: Source<'a>,
     /// Degrees by which states are turned before they are drawn; see [`vibes_env::Task::rotate`].
     pub turn: f64,
-    /// Who makes the policies: [`policy`](crate::trained::policy), or a caller with policies of its own.
+    /// Who makes the policies: the function [`policy`], or a caller with policies of its own.
     pub policies: PolicyMaker<'a>,
     /// Set from outside to stop after the episodes at hand.
     pub stop: &'a AtomicBool,

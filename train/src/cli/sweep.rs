@@ -38,7 +38,7 @@ pub(crate) struct What {
 
 #[derive(Debug, Args)]
 pub(crate) struct SweepArgs {
-    /// The plan, a TOML file: output, stages, and seeds, [grid], [zip] or [[list]].
+    /// The plan, a TOML file: output and stages, and what varies: seeds, grid, zip, list.
     #[arg(value_name = "PLAN.toml")]
     plan: PathBuf,
     #[command(flatten)]
