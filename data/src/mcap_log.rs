@@ -76,7 +76,7 @@ fn write(episode: &Episode, spec: &Spec, entry: &EpisodeEntry) -> anyhow_free::R
     Ok(log.into_inner().into_inner())
 }
 
-/// The two kinds of failure inside [`write`], joined without a dependency.
+/// The two kinds of failure inside [`write()`], joined without a dependency.
 mod anyhow_free {
     pub(super) type Result<T> = std::result::Result<T, Box<dyn std::error::Error + Send + Sync>>;
 }

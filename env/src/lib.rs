@@ -2,7 +2,7 @@
 //!
 //! An [`Environment`] is a task under a clock. A [`distractors::DistractorWalk`] says what changes in the picture, a [`render::Renderer`] draws
 //! the two together, and [`Eyes`] put all three under one clock: reset, step, and a row's picture only when it is asked for. A [`Policy`] chooses
-//! actions from what it may see; [`rollout`] lets it act through an episode and gives a [`StateTrajectory`].
+//! actions from what it may see; [`rollout()`] lets it act through an episode and gives a [`StateTrajectory`].
 
 pub mod distractors;
 mod environment;

@@ -1,4 +1,4 @@
-//! The flags that lay over a preset, typed or from a configuration file, one for every entry of [`Options`](vibes_train::options::Options).
+//! The flags that lay over a preset, typed or from a configuration file, one for every entry of [`Options`].
 
 use anyhow::{Context as _, Result};
 use clap::builder::PossibleValuesParser;

@@ -1,7 +1,7 @@
 //! Sizes and places: how activations, tiles and weights of one layer lie in memory.
 //!
 //! In: a layer's image size and channels. Out: indices. Activations are `[height, width, stride]`, channels last, the number of channels
-//! padded to [`Layer::stride`]; only the part that the next layer reads is kept.
+//! padded to `Layer::stride`; only the part that the next layer reads is kept.
 
 use crate::kernels::{memory::Buffer, product::PANEL};
 

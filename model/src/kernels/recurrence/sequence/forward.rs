@@ -13,7 +13,7 @@ use crate::kernels::{
     product::{Left, PANEL},
 };
 
-/// All hidden states `[length, batch, hidden]`, and the lanes for [`backward`].
+/// All hidden states `[length, batch, hidden]`, and the lanes for the pass backward.
 pub(in crate::kernels::recurrence) fn forward(
     sizes: Sizes,
     inputs: Inputs<'_>,
