@@ -21,7 +21,7 @@ impl Policy for ToAndFro {
 
     // A policy sees the vector observation, the picture if it asks for pictures (`Policy::pictures`), and the simulator.
     fn act(&mut self, sight: &Sight<'_>, _: &mut dyn RngCore) -> Result<Vec<f64>> {
-        let side = if self.step / 5 % 2 == 0 { 0.5 } else { -0.5 };
+        let side = if (self.step / 5).is_multiple_of(2) { 0.5 } else { -0.5 };
         self.step += 1;
         Ok(vec![side; sight.environment.action_len()])
     }
