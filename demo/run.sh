@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The main job end to end on one machine: record, train, encode, analyse. Run by `make demo`, from the repository's root.
-# Everything it makes is kept; a second run reuses it and says so. DEMO_MINUTES (default 9) is the time spent training.
+# Everything it makes is kept; a second run reuses it and says so. DEMO_MINUTES (default 8) is the time spent training.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
