@@ -123,6 +123,8 @@ fn one() -> f64 {
 pub struct Schedule {
     /// Share of the dynamics term's gradient that [reaches](crate::learners::scene::gated) the encoder.
     pub dynamics_weight: f32,
+    /// How far that share has risen, from 0 to 1; terms that look ahead [wait](crate::learners::auxiliary::Auxiliary::waits) with it.
+    pub risen: f32,
     /// Weight of the reward's log-likelihood.
     pub reward_weight: f32,
     /// Adam's step size for the world model.
@@ -233,6 +235,7 @@ impl Options {
         };
         Schedule {
             dynamics_weight: (self.dynamics_weight * risen) as f32,
+            risen: risen as f32,
             reward_weight: self.reward_weight as f32,
             lr: self.lr * warmed * fallen,
             adversary_lr: self.adversary_lr * fallen,

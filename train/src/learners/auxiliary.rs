@@ -43,6 +43,12 @@ pub trait Auxiliary: fmt::Debug + Sync {
         0
     }
 
+    /// Whether its weight rises from 0 together with the dynamics term's. What asks the latents to be foreseen pulls them to one point as long as they
+    /// hold nothing of the reward.
+    fn waits(&self) -> bool {
+        false
+    }
+
     /// Its log-likelihood, nats a row, to be maximised: `[1]`
     ///
     /// # Errors

@@ -15,7 +15,7 @@ use vibes_model::parameters::to_values;
 
 use crate::batch::Batch;
 use crate::error::{Result, TrainError};
-use crate::learners::auxiliary;
+use crate::learners::auxiliary::{self, Auxiliary};
 use crate::learners::behaviour::Replayed;
 use crate::learners::objective::{Rival, Value};
 use crate::learners::optimizer::{NamedGradients, Optimizer};
@@ -145,11 +145,16 @@ impl Learner {
     }
 }
 
+/// The share of a term's weight that holds at this update.
+fn risen(term: &dyn Auxiliary, scene: &Scene<'_>) -> f32 {
+    if term.waits() { scene.schedule.risen } else { 1.0 }
+}
+
 /// The value with every auxiliary term that the options ask for.
 fn with_auxiliaries(scene: &Scene<'_>, mut value: Value, rng: &mut ChaCha8Rng) -> Result<Value> {
     for term in auxiliary::asked(scene.options) {
         let log_likelihood = term.value(scene, rng)?;
-        value.objective = value.objective + log_likelihood.clone() * term.weight(scene.options) as f32;
+        value.objective = value.objective + log_likelihood.clone() * (term.weight(scene.options) as f32 * risen(term, scene));
         value.stated.push((term.metric(), log_likelihood));
     }
     Ok(value)

@@ -45,6 +45,10 @@ impl Auxiliary for RewardAhead {
         if options.own.whole(&STEPS) == 0 { 0.0 } else { options.own.number(&WEIGHT) }
     }
 
+    fn waits(&self) -> bool {
+        true
+    }
+
     fn steps_ahead(&self, options: &Options) -> usize {
         options.own.whole(&STEPS) as usize
     }
