@@ -7,6 +7,8 @@ use std::fs;
 use std::path::Path;
 
 use burn::tensor::Device;
+use half::f16;
+use half::slice::HalfFloatSliceExt;
 use rand::SeedableRng;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
@@ -71,7 +73,29 @@ pub fn save_tensors(path: &Path, tensors: &HostTensors, metadata: HashMap<String
     fs::write(path, bytes).map_err(|source| ModelError::Io { path: path.to_owned(), action: "write", source })
 }
 
-/// Reads a safetensors file of float32 tensors, and its metadata.
+/// Writes a copy of a safetensors file in half precision, metadata and all: half the bytes, for weights that are kept and not trained on every day.
+///
+/// # Errors
+/// The file cannot be read, or the copy cannot be written.
+pub fn copy_in_half(from: &Path, to: &Path) -> Result<(), ModelError> {
+    let (tensors, metadata) = load_tensors(from)?;
+    let halves: Vec<(&String, &HostTensor, Vec<f16>)> = tensors
+        .iter()
+        .map(|(name, tensor)| (name, tensor, tensor.values.iter().copied().map(f16::from_f32).collect()))
+        .collect();
+    let mut views = Vec::with_capacity(halves.len());
+    for (name, tensor, values) in &halves {
+        // Numbers as they lie in memory: safetensors is little-endian, as every machine that MuJoCo runs on.
+        let bytes = bytemuck::must_cast_slice::<u16, u8>(HalfFloatSliceExt::reinterpret_cast(values.as_slice()));
+        let view =
+            TensorView::new(Dtype::F16, tensor.shape.clone(), bytes).map_err(|error| not_a_checkpoint(to, error))?;
+        views.push((name.as_str(), view));
+    }
+    let bytes = safetensors::serialize(views, Some(metadata)).map_err(|error| not_a_checkpoint(to, error))?;
+    fs::write(to, bytes).map_err(|source| ModelError::Io { path: to.to_owned(), action: "write", source })
+}
+
+/// Reads a safetensors file of tensors in single or half precision, and its metadata.
 ///
 /// # Errors
 /// The file is missing, truncated, or holds other types.
@@ -81,13 +105,19 @@ pub fn load_tensors(path: &Path) -> Result<(HostTensors, HashMap<String, String>
     let file = SafeTensors::deserialize(&bytes).map_err(|error| not_a_checkpoint(path, error))?;
     let mut tensors = HostTensors::new();
     for (name, view) in file.iter() {
-        if view.dtype() != Dtype::F32 {
-            return Err(not_a_checkpoint(path, format!("tensor `{name}` is {:?}, not F32", view.dtype())));
-        }
-        let values = bytemuck::pod_collect_to_vec(view.data());
+        let values = match view.dtype() {
+            Dtype::F32 => bytemuck::pod_collect_to_vec(view.data()),
+            Dtype::F16 => widened(&bytemuck::pod_collect_to_vec(view.data())),
+            other => return Err(not_a_checkpoint(path, format!("tensor `{name}` is {other:?}, not F32 or F16"))),
+        };
         tensors.insert(name.to_owned(), HostTensor { shape: view.shape().to_vec(), values });
     }
     Ok((tensors, header.metadata().clone().unwrap_or_default()))
+}
+
+/// Half-precision numbers, as their bits, in single precision.
+fn widened(bits: &[u16]) -> Vec<f32> {
+    bits.iter().map(|bits| f16::from_bits(*bits).to_f32()).collect()
 }
 
 pub(crate) fn not_a_checkpoint(path: &Path, why: impl std::fmt::Display) -> ModelError {

@@ -19,6 +19,7 @@ mod encode;
 mod evaluate;
 mod flags;
 mod info;
+mod keep;
 mod model_free;
 mod offline;
 mod online;
@@ -62,6 +63,8 @@ enum Command {
     Evaluate(evaluate::EvaluateArgs),
     /// Say what a run holds and how far it got.
     Info(info::InfoArgs),
+    /// Make a small copy of a run: newest weights in half precision, options, curves.
+    Keep(keep::KeepArgs),
     /// Measure how long an update takes, by part.
     Bench(bench::BenchArgs),
     /// Train many runs from one plan: grids, lists, seeds; here or by Slurm, xargs, Ray.
@@ -93,6 +96,7 @@ fn dispatch(cli: Cli) -> anyhow::Result<Ending> {
         Command::Decode(args) => decode::run(&context, &args)?,
         Command::Evaluate(args) => evaluate::run(&context, &args)?,
         Command::Info(args) => info::run(&context, &args)?,
+        Command::Keep(args) => keep::run(&context, &args)?,
         Command::Bench(args) => match args.system.clone() {
             Some(system) => bench::of_agent(&context, &args, &system)?,
             None => bench::run(&context, &args)?,

@@ -12,6 +12,7 @@
 //! | [`run`], [`metrics`], [`vibes_measure::spectrum`] | the run folder, its numbers over time |
 //! | [`mod@summary`], [`tensorboard`] | those numbers on one page, and for TensorBoard |
 //! | [`sweep`] | many runs from one plan |
+//! | [`mod@keep`] | a small copy of a run |
 //! | [`encode`] | a trained run's latents of a recording |
 //! | [`mod@decode`] | what those latents show: a picture decoder fitted on them |
 //! | [`evaluate`] | how good the latents are, on a held-out grid |
@@ -25,6 +26,7 @@ pub mod error;
 pub mod evaluate;
 pub mod fit;
 pub mod gate;
+pub mod keep;
 pub mod learners;
 pub mod metrics;
 pub mod online;

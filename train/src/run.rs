@@ -207,7 +207,7 @@ impl Run {
         self.let_go()
     }
 
-    /// The learner of the newest checkpoint and where it stood; none if nothing was saved yet.
+    /// The learner of the newest checkpoint and where it stood; none if nothing was saved yet. A [kept](crate::keep) checkpoint has no moments: Adam begins anew.
     ///
     /// # Errors
     /// A file is missing or damaged.
@@ -222,7 +222,7 @@ impl Run {
     }
 
     /// What another run begins with that goes on from this one's newest checkpoint under `options`: weights, moments of both optimisers, gate, and how far its
-    /// schedules have come. A checkpoint of weights alone counts as one whose gate is open and whose moments are lost. Heads that `wanted` has and this run
+    /// schedules have come. A checkpoint of weights alone counts as one whose gate is open; where moments are missing, Adam begins anew. Heads that `wanted` has and this run
     /// lacks begin anew, heads that it no longer has are left behind.
     ///
     /// # Errors
@@ -234,13 +234,16 @@ impl Run {
         let newest = self.checkpoints().last().copied().unwrap_or(0);
         let folder = self.checkpoint_path(newest);
         let mut learner = Learner::new(model, options, device);
-        if !folder.join("state.json").exists() || !folder.join("optimizer.safetensors").exists() {
+        if !folder.join("state.json").exists() {
             let gate = Gate { gain: 0.0, opened: Some(0) };
             return Ok((learner, State { carried: newest, gate, ..State::default() }));
         }
         let before = read_state(&folder.join("state.json"))?;
-        let (moments, _) = load_tensors(&folder.join("optimizer.safetensors"))?;
-        restore(&mut learner, &heads.renamed(moments), before, device);
+        let file = folder.join("optimizer.safetensors");
+        if file.exists() {
+            let (moments, _) = load_tensors(&file)?;
+            restore(&mut learner, &heads.renamed(moments), before, device);
+        }
         Ok((learner, State { update: 0, seconds: 0.0, carried: before.carried + before.update, ..before }))
     }
 
@@ -279,7 +282,11 @@ fn read_state(file: &Path) -> Result<State> {
 }
 
 fn restore_moments(learner: &mut Learner, folder: &Path, state: State, device: &Device) -> Result<()> {
-    let (moments, _) = load_tensors(&folder.join("optimizer.safetensors"))?;
+    let file = folder.join("optimizer.safetensors");
+    if !file.exists() {
+        return Ok(());
+    }
+    let (moments, _) = load_tensors(&file)?;
     restore(learner, &moments, state, device);
     Ok(())
 }

@@ -1,0 +1,124 @@
+//! A small copy of a run, to be kept in a repository or sent to somebody. In: a run folder. Out: another run folder with the newest weights in half precision, the
+//! run's options, its curves thinned to a few hundred lines, and its summary.
+//!
+//! Adam's moments, twice the size of the weights, are left out: a run that goes on from the copy begins with new ones, and its step size rises anew. The
+//! recordings are named as `recordings/NAME`, which is looked for in the copy's folder and in every folder above it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use vibes_data::{RunFolder, write_atomically};
+use vibes_model::checkpoint::copy_in_half;
+
+use crate::error::{Result, TrainError, io};
+use crate::run::{Run, RunInfo, write_json};
+
+/// Most lines that are kept of a curve.
+const LINES: usize = 250;
+/// Files of a run that are copied as they are, where there are any.
+const WHOLE: [&str; 4] = ["config.toml", "summary.md", "online.json", "evaluation.json"];
+/// Files of numbers, one line a row.
+const CURVES: [&str; 2] = ["metrics.jsonl", "evaluations.jsonl"];
+
+/// What was kept.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Kept {
+    /// The checkpoint's number of updates.
+    pub update: u64,
+    /// Bytes of the copy.
+    pub bytes: u64,
+}
+
+/// Writes the copy into the folder `to`, which must not exist yet.
+///
+/// # Errors
+/// There is something at `to`, the run has no checkpoint yet, or a file cannot be read or written.
+pub fn keep(run: &Run, to: &Path) -> Result<Kept> {
+    if to.exists() {
+        let text = format!("there is something at {}; name a folder that is not there yet", to.display());
+        return Err(TrainError::Options(text));
+    }
+    let newest = run.newest_model()?;
+    let from = newest.parent().unwrap_or_else(|| run.path());
+    let update = run.checkpoints().last().copied().unwrap_or_default();
+    let place = RunFolder::at(to).checkpoint_path(update);
+    fs::create_dir_all(&place).map_err(io("create", &place))?;
+    for file in files(from)? {
+        copy_part(&file, &place)?;
+    }
+    for name in WHOLE.iter().filter(|name| run.path().join(name).is_file()) {
+        let target = to.join(name);
+        fs::copy(run.path().join(name), &target).map_err(io("write", &target))?;
+    }
+    for name in CURVES.iter().filter(|name| run.path().join(name).is_file()) {
+        thin(&run.path().join(name), &to.join(name))?;
+    }
+    let info = run.info().clone();
+    let recordings = info.recording_names().into_iter().map(|name| format!("recordings/{name}")).collect();
+    write_json(&to.join("run.json"), &RunInfo { recordings, from: None, ..info })?;
+    Ok(Kept { update, bytes: size(to)? })
+}
+
+/// One file of a checkpoint: weights in half precision, moments not at all, the rest as it is.
+fn copy_part(file: &Path, place: &Path) -> Result<()> {
+    let name = file.file_name().unwrap_or_default();
+    let target = place.join(name);
+    let name = name.to_string_lossy();
+    if name.ends_with("optimizer.safetensors") {
+        return Ok(());
+    }
+    if name.ends_with(".safetensors") {
+        return Ok(copy_in_half(file, &target)?);
+    }
+    fs::copy(file, &target).map_err(io("write", &target))?;
+    Ok(())
+}
+
+/// Every so-manieth line of a curve, the last one always.
+fn thin(from: &Path, to: &Path) -> Result<()> {
+    let text = fs::read_to_string(from).map_err(io("read", from))?;
+    let lines: Vec<&str> = text.lines().collect();
+    let every = lines.len().div_ceil(LINES).max(1);
+    let last = lines.len().saturating_sub(1);
+    // Counted from the end, so that the last line is one of them and all lie equally far apart.
+    let chosen = lines.iter().enumerate().filter(|(place, _)| (last - place) % every == 0);
+    let kept: String = chosen.map(|(_, line)| format!("{line}\n")).collect();
+    Ok(write_atomically(to, kept.as_bytes())?)
+}
+
+fn files(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = fs::read_dir(folder).map_err(io("read", folder))?;
+    let paths: std::io::Result<Vec<PathBuf>> = entries.map(|entry| entry.map(|entry| entry.path())).collect();
+    Ok(paths.map_err(io("read", folder))?.into_iter().filter(|path| path.is_file()).collect())
+}
+
+/// Bytes of everything below a folder.
+fn size(folder: &Path) -> Result<u64> {
+    let mut bytes = 0;
+    for entry in fs::read_dir(folder).map_err(io("read", folder))? {
+        let path = entry.map_err(io("read", folder))?.path();
+        bytes += if path.is_dir() { size(&path)? } else { path.metadata().map_err(io("read", &path))?.len() };
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_thinned_curve_keeps_its_end_and_equal_distances() {
+        let folder = tempfile::tempdir().unwrap();
+        let (from, to) = (folder.path().join("from"), folder.path().join("to"));
+        for count in [0, 1, 250, 251, 1003] {
+            let lines: String = (0..count).map(|number| format!("{number}\n")).collect();
+            fs::write(&from, lines).unwrap();
+            thin(&from, &to).unwrap();
+            let kept: Vec<usize> = fs::read_to_string(&to).unwrap().lines().map(|line| line.parse().unwrap()).collect();
+            assert!(kept.len() <= LINES, "{count}");
+            assert_eq!(kept.last().copied(), (count > 0).then(|| count - 1));
+            let gaps: std::collections::BTreeSet<usize> = kept.windows(2).map(|pair| pair[1] - pair[0]).collect();
+            assert!(gaps.len() <= 1, "{count}: {gaps:?}");
+        }
+    }
+}
