@@ -134,16 +134,28 @@ pub struct Schedule {
 }
 
 impl Options {
-    /// The preset `name`, with the entries of `layers` laid over it one after the other; each is a path for messages and a table.
+    /// The preset `name` with the recipe of its objective, and over them the entries of `layers`, one after the other; each is a path for messages and a table.
     ///
     /// # Errors
     /// An unknown preset or option, or a value that cannot be; the message lists what there is.
     pub fn resolve(name: &str, layers: &[(&str, Table)]) -> Result<Self> {
+        let plain = Self::preset(name)?;
+        let asked = layers.iter().rev().find_map(|(_, layer)| layer.get("objective")).and_then(toml::Value::as_str);
+        let objective = asked.and_then(|name| name.parse().ok()).unwrap_or(plain.objective);
+        let recipe = ("the recipe", presets::recipe(name, objective)?);
+        plain.with(&[&[recipe], layers].concat())
+    }
+
+    /// The preset `name` by itself.
+    ///
+    /// # Errors
+    /// There is none of this name; the message lists what there is.
+    pub fn preset(name: &str) -> Result<Self> {
         let preset = PRESETS.iter().find(|(preset, _)| *preset == name).ok_or_else(|| {
             let names = PRESETS.map(|(name, _)| name).join(", ");
             TrainError::Options(format!("no preset `{name}`; there are {names}"))
         })?;
-        (preset.1)().with(layers)
+        Ok((preset.1)())
     }
 
     /// These options with the entries of `layers` laid over them.

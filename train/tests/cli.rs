@@ -135,6 +135,40 @@ fn train_go_on_encode_and_info() {
 }
 
 #[test]
+fn a_kept_run_is_small_has_the_same_latents_and_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = folder.path().join("recordings");
+    synthetic::recording(&recordings.join("coins"), synthetic::SIDE, 4, 20, true);
+    let train = ["offline", "recordings/coins", "--preset", "tiny", "-q", "--updates"];
+    assert_done(&vibes_train(folder.path(), &[&train[..], &["8", "-o", "run"]].concat()));
+    let keep = ["keep", "run", "-o", "checkpoints/coins", "--json"];
+    let output = vibes_train(folder.path(), &keep);
+    assert_done(&output);
+    let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(said["update"], 8);
+    let weights = |run: &str| folder.path().join(run).join("checkpoints/000008/model.safetensors").metadata().unwrap();
+    assert!(weights("checkpoints/coins").len() < weights("run").len() * 6 / 10);
+    assert!(!folder.path().join("checkpoints/coins/checkpoints/000008/optimizer.safetensors").exists());
+
+    let latents = |run: &str| {
+        assert_done(&vibes_train(folder.path(), &["encode", run, "recordings/coins", "-q"]));
+        Latents::read(&folder.path().join(run).join("latents.arrow")).unwrap().latent
+    };
+    let pairs = latents("run").into_iter().zip(latents("checkpoints/coins"));
+    let apart = pairs.map(|(whole, half)| (whole - half).abs()).fold(0.0, f32::max);
+    assert!(apart > 0.0 && apart < 5e-3, "{apart}");
+    // The recordings are found beside the folder above, and the curves go on.
+    assert_done(&vibes_train(folder.path(), &["info", "checkpoints/coins"]));
+    let on = vibes_train(folder.path(), &[&train[..], &["12", "-o", "checkpoints/coins"]].concat());
+    assert_done(&on);
+    assert!(folder.path().join("checkpoints/coins/checkpoints/000012/optimizer.safetensors").exists());
+
+    let again = vibes_train(folder.path(), &keep);
+    assert_eq!(again.status.code(), Some(2), "{}", errors(&again));
+    assert!(errors(&again).contains("not there yet"), "{}", errors(&again));
+}
+
+#[test]
 fn a_checkpoint_of_another_shape_is_refused_and_leaves_no_table() {
     let folder = tempfile::tempdir().unwrap();
     synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false);

@@ -34,6 +34,9 @@ pub(crate) struct BenchArgs {
     /// Measure online training too: the whole update with actor and critic, and an episode of this task.
     #[arg(long, value_name = "TASK", num_args = 0..=1, default_missing_value = "cartpole-swingup")]
     online: Option<String>,
+    /// With the terms that the preset's recipe adds to the paper's objective.
+    #[arg(long)]
+    recipe: bool,
     #[command(flatten)]
     options: OptionArgs,
 }
@@ -56,7 +59,7 @@ pub(crate) fn of_agent(context: &Context, args: &BenchArgs, system: &str) -> Res
 }
 
 pub(crate) fn run(context: &Context, args: &BenchArgs) -> Result<()> {
-    let options = args.options.resolve()?;
+    let options = if args.recipe { args.options.resolve() } else { args.options.resolve_plain() }?;
     if let Some(task) = &args.online {
         return online(context, args, &options, task);
     }

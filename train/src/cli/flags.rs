@@ -129,6 +129,11 @@ impl OptionArgs {
         Ok(Options::resolve(&self.preset, &by_name(&layers))?)
     }
 
+    /// The same without the preset's recipe: the objective as it is written.
+    pub(crate) fn resolve_plain(&self) -> Result<Options> {
+        self.over(&Options::preset(&self.preset)?)
+    }
+
     /// The flags, typed or from a file, over other options than a preset's.
     pub(crate) fn over(&self, options: &Options) -> Result<Options> {
         let layers = self.layers()?;

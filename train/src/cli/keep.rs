@@ -21,10 +21,7 @@ pub(crate) struct KeepArgs {
 pub(crate) fn run(context: &Context, args: &KeepArgs) -> Result<()> {
     let kept = keep(&Run::open(&args.run)?, &args.output)?;
     if context.json {
-        println!(
-            "{}",
-            serde_json::json!({ "run": args.output, "update": kept.update, "bytes": kept.bytes })
-        );
+        println!("{}", serde_json::json!({ "run": args.output, "update": kept.update, "bytes": kept.bytes }));
     } else if !context.quiet {
         let megabytes = kept.bytes as f64 / 1e6;
         println!("kept after {} updates, {megabytes:.1} MB: {}", kept.update, args.output.display());

@@ -78,6 +78,11 @@ pub trait Definition: fmt::Debug + Sync {
         None
     }
 
+    /// Whether the preset `small` adds its recipe: for the paper's objective and its ablations.
+    fn takes_recipe(&self) -> bool {
+        false
+    }
+
     /// The world model with the first scale of this objective's own heads set by data; `rewards` are those of some windows.
     fn calibrated(&self, world: World, _rewards: &[f32]) -> World {
         world

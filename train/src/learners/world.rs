@@ -154,7 +154,8 @@ fn risen(term: &dyn Auxiliary, scene: &Scene<'_>) -> f32 {
 fn with_auxiliaries(scene: &Scene<'_>, mut value: Value, rng: &mut ChaCha8Rng) -> Result<Value> {
     for term in auxiliary::asked(scene.options) {
         let log_likelihood = term.value(scene, rng)?;
-        value.objective = value.objective + log_likelihood.clone() * (term.weight(scene.options) as f32 * risen(term, scene));
+        value.objective =
+            value.objective + log_likelihood.clone() * (term.weight(scene.options) as f32 * risen(term, scene));
         value.stated.push((term.metric(), log_likelihood));
     }
     Ok(value)

@@ -70,13 +70,28 @@ fn declared_options_lie_beside_all_others() {
     let json = serde_json::to_string(&options).unwrap();
     assert_eq!(serde_json::from_str::<Options>(&json).unwrap(), options);
     // A run of before an option was declared reads as if it were at its default.
-    let older: String = text.lines().filter(|line| !line.starts_with("inverse_")).collect::<Vec<_>>().join("\n");
+    let older: String = text.lines().filter(|line| !line.starts_with("inverse_weight")).collect::<Vec<_>>().join("\n");
     let read: Options = toml::from_str(&older).unwrap();
     assert_eq!(read.own.number(&crate::learners::auxiliary::inverse::WEIGHT), 0.0);
     for wrong in ["clip = 'sometimes'", "reward_steps = 0.5", "inverse_weight = -1", "reward_steps = 16"] {
         let layer: Table = wrong.parse().unwrap();
         assert!(Options::resolve("small", &[("a.toml", layer)]).is_err(), "{wrong}");
     }
+}
+
+#[test]
+fn the_recipe_is_laid_over_small_for_the_papers_objective_and_its_ablations() {
+    for objective in Objective::all() {
+        for (preset, _) in PRESETS {
+            let layer: Table = format!("objective = '{objective}'").parse().unwrap();
+            let options = Options::resolve(preset, &[("the arguments", layer)]).unwrap();
+            let wanted = if preset == "small" && objective.takes_recipe() { 3 } else { 0 };
+            assert_eq!(asked(&options).count(), wanted, "{preset}, {objective}");
+        }
+    }
+    let without: Table = "inverse_weight = 0\nlatent_steps = 0\nreward_steps = 0".parse().unwrap();
+    let options = Options::resolve("small", &[("the arguments", without)]).unwrap();
+    assert_eq!((asked(&options).count(), options.dynamics_weight), (0, 0.03), "what is typed wins");
 }
 
 #[test]

@@ -29,6 +29,10 @@ impl Definition for NoAdversary {
         Networks::default()
     }
 
+    fn takes_recipe(&self) -> bool {
+        true
+    }
+
     fn pictures(&self, length: usize) -> Pictures {
         Pictures { encoded: length, decoded: 0 }
     }

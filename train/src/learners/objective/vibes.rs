@@ -89,6 +89,10 @@ impl Definition for Vibes {
         ActionBaseline::calibrated(world, rewards)
     }
 
+    fn takes_recipe(&self) -> bool {
+        true
+    }
+
     fn pictures(&self, length: usize) -> Pictures {
         Pictures { encoded: 2 * length - 1, decoded: 0 }
     }
