@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # Online training end to end on one machine: a random policy's returns, training from nothing in the environment, the trained policy's returns. Run by
 # `make demo-online`, from the repository's root. From vector observations, so that nothing is drawn and ten minutes are enough to rise above chance.
-# Everything it makes is kept; a second run goes on from it. DEMO_STEPS (default 30000) is the number of control steps, 1000 an episode.
+# Everything it makes is kept; a second run goes on from it. DEMO_STEPS (default 40000) is the number of control steps, 1000 an episode.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 run=runs/demo-online
-steps=${DEMO_STEPS:-30000}
+steps=${DEMO_STEPS:-40000}
 world=(--no-pixels --distract none)
 
 step() { printf '\n== %s\n' "$1"; }
@@ -17,8 +17,8 @@ random=$(vibes-collect --task cartpole-swingup --episodes 20 "${world[@]}" --no-
 echo "mean return and 95 % interval: $random"
 
 step "Training from nothing for $steps control steps"
-vibes-train online --task cartpole-swingup "${world[@]}" --objective no-adversary --hidden 128 --head 128 --latent 16 \
-    --control-steps "$steps" --evaluate-every 10000 -o "$run"
+vibes-train online --task cartpole-swingup "${world[@]}" --objective reconstruction --hidden 200 --head 200 --batch 16 --rows-per-step 256 \
+    --every-start 3 --control-steps "$steps" --evaluate-every 10000 -o "$run"
 
 step "The trained policy, 20 episodes from other starts"
 rm -rf recordings/demo-online-trained

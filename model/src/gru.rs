@@ -82,3 +82,30 @@ impl Gru {
         kernels::gru(gates, self.w_hidden.val(), self.b_hidden.val(), start, None)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+    use crate::parameters::to_values;
+
+    /// The states after some steps without input from one state.
+    fn kept(bias: f32) -> f32 {
+        let device = Device::flex();
+        let unit =
+            GruConfig { input: 2, hidden: 16 }.init(&mut ChaCha8Rng::seed_from_u64(3), &device).with_update_bias(bias);
+        let start = Tensor::<2>::ones([1, 16], &device);
+        let states = to_values(unit.forward(Tensor::zeros([4, 1, 2], &device), Some(start)).narrow(0, 3, 1));
+        states.iter().sum::<f32>() / 16.0
+    }
+
+    #[test]
+    fn the_update_bias_makes_a_state_last() {
+        let states = [0.0, 1.0, 2.0, 20.0].map(kept);
+        assert!(states.is_sorted(), "{states:?}");
+        assert!(states[0] < 0.2 && states[2] > 0.5, "{states:?}");
+        assert!((states[3] - 1.0).abs() < 1e-3, "a gate that is shut keeps all of it: {states:?}");
+    }
+}

@@ -1,13 +1,17 @@
 //! A small copy of a run, to be kept in a repository or sent to somebody. In: a run folder. Out: another run folder with the newest weights in half precision, the
 //! run's options, its curves thinned to a few hundred lines, and its summary.
 //!
+//! With [`Extent::Acting`] the adversary is left out too: enough to encode, to evaluate and to act, and not to train on.
+//!
 //! Adam's moments, twice the size of the weights, are left out: a run that goes on from the copy begins with new ones, and its step size rises anew. The
 //! recordings are named as `recordings/NAME`, which is looked for in the copy's folder and in every folder above it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use burn::tensor::Device;
 use vibes_data::{RunFolder, write_atomically};
+use vibes_model::Model;
 use vibes_model::checkpoint::copy_in_half;
 
 use crate::error::{Result, TrainError, io};
@@ -19,6 +23,15 @@ const LINES: usize = 250;
 const WHOLE: [&str; 4] = ["config.toml", "summary.md", "online.json", "evaluation.json"];
 /// Files of numbers, one line a row.
 const CURVES: [&str; 2] = ["metrics.jsonl", "evaluations.jsonl"];
+
+/// How much is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Extent {
+    /// What training goes on from.
+    Training,
+    /// What encoding and acting need.
+    Acting,
+}
 
 /// What was kept.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -33,7 +46,7 @@ pub struct Kept {
 ///
 /// # Errors
 /// There is something at `to`, the run has no checkpoint yet, or a file cannot be read or written.
-pub fn keep(run: &Run, to: &Path) -> Result<Kept> {
+pub fn keep(run: &Run, to: &Path, extent: Extent) -> Result<Kept> {
     if to.exists() {
         let text = format!("there is something at {}; name a folder that is not there yet", to.display());
         return Err(TrainError::Options(text));
@@ -46,6 +59,11 @@ pub fn keep(run: &Run, to: &Path) -> Result<Kept> {
     for file in files(from)? {
         copy_part(&file, &place)?;
     }
+    let mut info = run.info().clone();
+    if extent == Extent::Acting && info.model.adversary {
+        info.model.adversary = false;
+        without_adversary(&newest, &place.join("model.safetensors"))?;
+    }
     for name in WHOLE.iter().filter(|name| run.path().join(name).is_file()) {
         let target = to.join(name);
         fs::copy(run.path().join(name), &target).map_err(io("write", &target))?;
@@ -53,7 +71,6 @@ pub fn keep(run: &Run, to: &Path) -> Result<Kept> {
     for name in CURVES.iter().filter(|name| run.path().join(name).is_file()) {
         thin(&run.path().join(name), &to.join(name))?;
     }
-    let info = run.info().clone();
     let recordings = info.recording_names().into_iter().map(|name| format!("recordings/{name}")).collect();
     write_json(&to.join("run.json"), &RunInfo { recordings, from: None, ..info })?;
     Ok(Kept { update, bytes: size(to)? })
@@ -72,6 +89,15 @@ fn copy_part(file: &Path, place: &Path) -> Result<()> {
     }
     fs::copy(file, &target).map_err(io("write", &target))?;
     Ok(())
+}
+
+/// The model without its adversary, in half precision.
+fn without_adversary(from: &Path, to: &Path) -> Result<()> {
+    let mut model = Model::load(from, &Device::flex())?;
+    model.adversary = None;
+    model.config.adversary = false;
+    model.save(to)?;
+    Ok(copy_in_half(to, to)?)
 }
 
 /// Every so-manieth line of a curve, the last one always.

@@ -154,14 +154,20 @@ fn a_kept_run_is_small_has_the_same_latents_and_goes_on() {
         assert_done(&vibes_train(folder.path(), &["encode", run, "recordings/coins", "-q"]));
         Latents::read(&folder.path().join(run).join("latents.arrow")).unwrap().latent
     };
-    let pairs = latents("run").into_iter().zip(latents("checkpoints/coins"));
-    let apart = pairs.map(|(whole, half)| (whole - half).abs()).fold(0.0, f32::max);
+    let halves = latents("checkpoints/coins");
+    let pairs = latents("run").into_iter().zip(&halves);
+    let apart = pairs.map(|(whole, half)| (whole - *half).abs()).fold(0.0, f32::max);
     assert!(apart > 0.0 && apart < 5e-3, "{apart}");
     // The recordings are found beside the folder above, and the curves go on.
     assert_done(&vibes_train(folder.path(), &["info", "checkpoints/coins"]));
     let on = vibes_train(folder.path(), &[&train[..], &["12", "-o", "checkpoints/coins"]].concat());
     assert_done(&on);
     assert!(folder.path().join("checkpoints/coins/checkpoints/000012/optimizer.safetensors").exists());
+
+    // Without its adversary the same latents, in fewer bytes.
+    assert_done(&vibes_train(folder.path(), &["keep", "run", "--acting", "-o", "acting", "-q"]));
+    assert!(weights("acting").len() < weights("checkpoints/coins").len() * 8 / 10);
+    assert_eq!(latents("acting"), halves);
 
     let again = vibes_train(folder.path(), &keep);
     assert_eq!(again.status.code(), Some(2), "{}", errors(&again));

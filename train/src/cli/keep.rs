@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
-use vibes_train::keep::keep;
+use vibes_train::keep::{Extent, keep};
 use vibes_train::run::Run;
 
 use super::Context;
@@ -16,10 +16,14 @@ pub(crate) struct KeepArgs {
     /// The folder to make.
     #[arg(short, long, value_name = "FOLDER")]
     output: PathBuf,
+    /// Leave the adversary out: enough to encode and to act, not to train on.
+    #[arg(long)]
+    acting: bool,
 }
 
 pub(crate) fn run(context: &Context, args: &KeepArgs) -> Result<()> {
-    let kept = keep(&Run::open(&args.run)?, &args.output)?;
+    let extent = if args.acting { Extent::Acting } else { Extent::Training };
+    let kept = keep(&Run::open(&args.run)?, &args.output, extent)?;
     if context.json {
         println!("{}", serde_json::json!({ "run": args.output, "update": kept.update, "bytes": kept.bytes }));
     } else if !context.quiet {

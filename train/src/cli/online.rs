@@ -84,7 +84,7 @@ struct WorkArgs {
     /// Updates with that horizon.
     #[arg(long, value_name = "N", requires = "short_horizon")]
     short_for: Option<u64>,
-    /// Standard deviation of noise on executed actions, in units of −1..1 [default: 0].
+    /// Standard deviation of noise on executed actions, in units of −1..1 [default: 0.3].
     #[arg(long, value_name = "X")]
     exploration: Option<f64>,
     /// Control steps between evaluations [default: 10000].

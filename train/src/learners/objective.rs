@@ -78,7 +78,8 @@ pub trait Definition: fmt::Debug + Sync {
         None
     }
 
-    /// Whether the preset `small` adds its recipe: for the paper's objective and its ablations.
+    /// Whether the preset `small` adds its recipe: for the paper's objective, with and without the adversary; what reconstructs pictures holds
+    /// all of the state as it is.
     fn takes_recipe(&self) -> bool {
         false
     }

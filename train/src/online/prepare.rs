@@ -61,7 +61,7 @@ pub fn default_options(world: WorldOptions, is_given: bool) -> OnlineOptions {
         critic_first: if is_given { 500 } else { 0 },
         short_horizon: 0,
         short_for: 0,
-        exploration: 0.0,
+        exploration: 0.3,
         evaluate_every: 10_000,
         evaluation_episodes: 5,
         final_episodes: 20,

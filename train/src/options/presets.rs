@@ -14,7 +14,7 @@ pub type Preset = fn() -> Options;
 pub const PRESETS: [(&str, Preset); 5] =
     [("tiny", tiny), ("small", small), ("base", base), ("paper", paper), ("paper-small", paper_small)];
 
-/// What is laid over the preset `small` for the paper's objective and its ablations, chosen by measurement (docs/results.md). The paper has none of these terms; without them the latents
+/// What is laid over the preset `small` for the paper's objective, with and without the adversary, chosen by measurement (docs/results.md). The paper has none of these terms; without them the latents
 /// know the state of a cartpole only up to its mirror image, which no policy can steer by. The systems that the paper compares with stay as they were published.
 const RECIPE: &str = "
 dynamics_weight = 0.03

@@ -80,7 +80,7 @@ fn declared_options_lie_beside_all_others() {
 }
 
 #[test]
-fn the_recipe_is_laid_over_small_for_the_papers_objective_and_its_ablations() {
+fn the_recipe_is_laid_over_small_for_the_papers_objective_with_and_without_its_adversary() {
     for objective in Objective::all() {
         for (preset, _) in PRESETS {
             let layer: Table = format!("objective = '{objective}'").parse().unwrap();

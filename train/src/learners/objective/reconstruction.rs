@@ -31,10 +31,6 @@ impl Definition for Reconstruction {
         Networks { decoder: true, ..Networks::default() }
     }
 
-    fn takes_recipe(&self) -> bool {
-        true
-    }
-
     fn pictures(&self, length: usize) -> Pictures {
         Pictures { encoded: length, decoded: length }
     }
