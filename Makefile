@@ -52,16 +52,22 @@ stress: setup ## draws for DURATION (30m, 2h, 90s) on all cores, both looks, an 
 	cargo build -p vibes-env --example stress
 	$(CARGO_TARGET_DIR)/debug/examples/stress $$(( $(patsubst %h,%*3600,$(patsubst %m,%*60,$(patsubst %s,%,$(DURATION)))) ))
 
+.PHONY: fuzz
+
+fuzz: DURATION = 10m
+fuzz: setup ## every reader of foreign files under libFuzzer for DURATION each; READERS= names some of them
+	fuzz/run.sh $$(( $(patsubst %h,%*3600,$(patsubst %m,%*60,$(patsubst %s,%,$(DURATION)))) )) $(READERS)
+
 # Vulkan on the CPU: Debian's and Ubuntu's libvulkan1 and mesa-vulkan-drivers. VULKAN= with another driver's file tests that driver.
 VULKAN ?= $(firstword $(wildcard /usr/share/vulkan/icd.d/lvp_icd*.json))
 
 gpu-test: export CARGO_TARGET_DIR := $(CARGO_TARGET_DIR)/gpu
 gpu-test: setup ## the model on wgpu beside flex, and that cuda compiles; not in CI, because it builds Burn a second time
 	@[ -f "$(VULKAN)" ] || { echo "gpu-test: lavapipe is missing; sudo apt-get install -y libvulkan1 mesa-vulkan-drivers" >&2; exit 1; }
-	VK_DRIVER_FILES=$(VULKAN) VK_ICD_FILENAMES=$(VULKAN) cargo test -p vibes-model -p vibes-train --features vibes-train/wgpu --test devices
-	cargo clippy -p vibes-model -p vibes-train --features vibes-train/wgpu --tests -- -D warnings
+	$(linted) cargo build -p vibes-model -p vibes-train --features vibes-train/wgpu --tests
+	VK_DRIVER_FILES=$(VULKAN) VK_ICD_FILENAMES=$(VULKAN) $(linted) cargo test -p vibes-model -p vibes-train --features vibes-train/wgpu --test devices
 # Only types are checked, so the LLVM that a build with cuda fetches and links is left out, as on docs.rs.
-	DOCS_RS=1 cargo clippy -p vibes-train --features cuda -- -D warnings
+	DOCS_RS=1 $(linted) cargo check -p vibes-train --features cuda
 
 .PHONY: python python-test
 

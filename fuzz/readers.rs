@@ -1,8 +1,8 @@
 //! One function for every reader of a file that may come from somebody else: bytes in, a verdict out. An error is a verdict; a panic, a hang or a huge
 //! allocation is a fault of the reader.
 //!
-//! Both use these: `collect/tests/fuzz.rs`, which runs seeded mutations of valid files through them in every test run, and the libFuzzer targets beside this
-//! file.
+//! Both use these: `collect/tests/fuzz.rs`, which runs seeded mutations of valid files through them in every test run, and the libFuzzer target beside this
+//! file (`make fuzz`).
 
 #[allow(dead_code, reason = "a part of it is used here")]
 #[path = "../data/tests/synthetic/mod.rs"]
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use vibes_collect::Trace;
 use vibes_collect::care::export::{ExportFormat, export};
-use vibes_collect::care::import::{read_dreamer_file, read_minari_folder};
+use vibes_collect::care::import::{ImportFormat, ImportOptions, import, read_dreamer_file, read_minari_folder};
 use vibes_collect::distractor_trace::DistractorTrace;
 use vibes_data::{
     EpisodeView, Latents, Manifest, Recording, Spec, read_episode_entry, read_mcap, read_table, verify_recording,
@@ -33,7 +33,7 @@ pub(crate) struct Reader {
 }
 
 /// All of them.
-pub(crate) const READERS: [Reader; 14] = [
+pub(crate) const READERS: [Reader; 17] = [
     Reader { name: "manifest", file: "recording/manifest.json", read: manifest },
     Reader { name: "episode", file: "recording/episodes/000000.arrow", read: episode },
     Reader { name: "log", file: "recording/episodes/000000.mcap", read: log },
@@ -41,6 +41,9 @@ pub(crate) const READERS: [Reader; 14] = [
     Reader { name: "latents", file: "latents.arrow", read: |_, path| Latents::read(path).is_ok() },
     Reader { name: "npz_stored", file: "stored.npz", read: |_, path| read_dreamer_file(path).is_ok() },
     Reader { name: "npz_deflated", file: "deflated.npz", read: |_, path| read_dreamer_file(path).is_ok() },
+    Reader { name: "npz_arrays", file: "arrays.npy", read: npz_of_arrays },
+    Reader { name: "chunk_first", file: "chunks/20240101T000000F000001-aa-bb-4.npz", read: chunks },
+    Reader { name: "chunk_next", file: "chunks/20240101T000005F000001-bb-cc-4.npz", read: chunks },
     Reader { name: "minari_metadata", file: "arrow-v0/data/metadata.json", read: minari },
     Reader { name: "minari_arrow", file: "arrow-v0/data/1/part-0.arrow", read: minari_table },
     Reader { name: "minari_hdf5", file: "hdf5-v0/data/main_data.hdf5", read: minari },
@@ -79,6 +82,13 @@ impl Readers {
             [("stored.npz", zip::CompressionMethod::Stored), ("deflated.npz", zip::CompressionMethod::Deflated)]
         {
             write_npz(&at(name), method, &npy_arrays());
+        }
+        fs::write(at("arrays.npy"), npy_arrays().into_iter().flat_map(|(_, bytes)| bytes).collect::<Vec<u8>>())
+            .unwrap();
+        fs::create_dir(at("chunks")).unwrap();
+        for name in ["chunk_first", "chunk_next"] {
+            let place = READERS.iter().find(|reader| reader.name == name).unwrap().file;
+            write_npz(&at(place), zip::CompressionMethod::Stored, &npy_arrays());
         }
         Self { folder, spec: recording.manifest().spec.clone() }
     }
@@ -140,7 +150,7 @@ fn small_trace(golden: &Path) -> String {
 }
 
 /// Arrays of a Dreamer episode of 4 rows.
-pub(crate) fn npy_arrays() -> Vec<(&'static str, Vec<u8>)> {
+fn npy_arrays() -> Vec<(&'static str, Vec<u8>)> {
     let npy = |descr: &str, shape: &str, bytes: usize| {
         let mut header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({shape}), }}");
         header.push_str(&" ".repeat(63 - (10 + header.len()) % 64));
@@ -158,7 +168,7 @@ pub(crate) fn npy_arrays() -> Vec<(&'static str, Vec<u8>)> {
 }
 
 /// A zip file of arrays.
-pub(crate) fn write_npz(path: &Path, method: zip::CompressionMethod, arrays: &[(&str, Vec<u8>)]) {
+fn write_npz(path: &Path, method: zip::CompressionMethod, arrays: &[(&str, Vec<u8>)]) {
     use std::io::Write;
     let _ = fs::remove_file(path);
     let mut writer = zip::ZipWriter::new(fs::File::create(path).unwrap());
@@ -190,6 +200,26 @@ fn episode(readers: &Readers, path: &Path) -> bool {
 
 fn log(readers: &Readers, path: &Path) -> bool {
     read_mcap(path, &readers.spec).is_ok()
+}
+
+/// The arrays of an episode one after the other, in the order of [`npy_arrays`], put into a `.npz` file here: its checksums would keep damage out of them.
+fn npz_of_arrays(readers: &Readers, path: &Path) -> bool {
+    let bytes = fs::read(path).unwrap();
+    let magic = b"\x93NUMPY";
+    let starts = (0..bytes.len()).filter(|&at| bytes[at..].starts_with(magic)).chain([bytes.len()]);
+    let starts: Vec<usize> = starts.collect();
+    let pieces = starts.windows(2).map(|piece| bytes[piece[0]..piece[1]].to_vec());
+    let arrays: Vec<_> = npy_arrays().into_iter().map(|(name, _)| name).zip(pieces).collect();
+    let npz = readers.folder.path().join("arrays.npz");
+    write_npz(&npz, zip::CompressionMethod::Deflated, &arrays);
+    read_dreamer_file(&npz).is_ok()
+}
+
+/// The whole import of replay chunks that follow each other, one of which is damaged.
+fn chunks(readers: &Readers, path: &Path) -> bool {
+    let out = readers.folder.path().join("imported");
+    let _ = fs::remove_dir_all(&out);
+    import(ImportFormat::Dreamer, path.parent().unwrap(), &ImportOptions::default(), &out).is_ok()
 }
 
 /// The dataset in whose `data` folder the file lies.

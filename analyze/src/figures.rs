@@ -81,7 +81,7 @@ impl Figure {
             height: picture.height / 72.0,
             path: png_path.clone(),
         })?;
-        let bytes = encode_png(&pixels).map_err(|source| FigureError::Encode { source, path: png_path.clone() })?;
+        let bytes = encode_png(&pixels).map_err(|cause| FigureError::Encode { cause, path: png_path.clone() })?;
         vibes_data::write_atomically(&png_path, &bytes)?;
         vibes_data::write_atomically(&svg_path, svg::render(&picture).as_bytes())?;
         Ok(vec![png_path, svg_path])
@@ -104,10 +104,10 @@ pub enum FigureError {
         path: PathBuf,
     },
     /// The PNG encoder refused.
-    #[error("cannot encode the figure: {source}: {path}")]
+    #[error("cannot encode the figure: {cause}: {path}")]
     Encode {
         /// The encoder's answer.
-        source: image::ImageError,
+        cause: image::ImageError,
         /// The file it should have become.
         path: PathBuf,
     },

@@ -29,10 +29,10 @@ pub use tables::TableFile;
 #[derive(Debug, thiserror::Error)]
 pub enum InputError {
     /// The operating system refused.
-    #[error("cannot read: {source}: {path}")]
+    #[error("cannot read: {cause}: {path}")]
     Io {
         /// The system's answer.
-        source: std::io::Error,
+        cause: std::io::Error,
         /// The file.
         path: PathBuf,
     },
@@ -164,6 +164,6 @@ pub enum InputError {
 impl InputError {
     fn io(path: &std::path::Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_path_buf();
-        move |source| Self::Io { source, path }
+        move |cause| Self::Io { cause, path }
     }
 }

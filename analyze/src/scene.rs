@@ -58,10 +58,10 @@ pub enum SceneError {
     #[error("cannot write the scene: {0}")]
     Columns(#[from] rerun::external::re_types_core::SerializationError),
     /// The file could not be finished.
-    #[error("cannot write the scene: {source}: {path}")]
+    #[error("cannot write the scene: {cause}: {path}")]
     Io {
         /// The system's answer.
-        source: std::io::Error,
+        cause: std::io::Error,
         /// The file.
         path: std::path::PathBuf,
     },
@@ -80,7 +80,7 @@ impl Scene<'_> {
         drop(stream);
         flushed
             .and_then(|()| std::fs::rename(&partial, path))
-            .map_err(|source| SceneError::Io { source, path: path.into() })
+            .map_err(|cause| SceneError::Io { cause, path: path.into() })
     }
 
     fn name(&self) -> String {

@@ -9,12 +9,12 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The operating system refused.
-    #[error("cannot {action}: {source}: {path}")]
+    #[error("cannot {action}: {cause}: {path}")]
     Io {
         /// What was tried, as in "read".
         action: &'static str,
         /// The system's answer.
-        source: std::io::Error,
+        cause: std::io::Error,
         /// The file or folder.
         path: PathBuf,
     },
@@ -83,7 +83,7 @@ pub enum Error {
 impl Error {
     pub(crate) fn io(action: &'static str, path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
-        move |source| Self::Io { action, source, path }
+        move |cause| Self::Io { action, cause, path }
     }
 
     pub(crate) fn malformed(path: impl Into<PathBuf>, fact: impl Into<String>, expected: impl Into<String>) -> Self {

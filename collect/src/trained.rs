@@ -97,7 +97,7 @@ impl Policy for Trained {
         };
         let chosen = self.agent.act(seen, &self.executed, Choice::Mode, &mut rng);
         self.executed =
-            chosen.map_err(|error| WorldError::Acting { policy: self.name.clone(), source: Box::new(error) })?;
+            chosen.map_err(|error| WorldError::Acting { policy: self.name.clone(), cause: Box::new(error) })?;
         Ok(self.executed.iter().map(|&number| f64::from(number)).collect())
     }
 }

@@ -9,12 +9,12 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The operating system refused.
-    #[error("cannot {action}: {source}: {path}")]
+    #[error("cannot {action}: {cause}: {path}")]
     Io {
         /// What was tried, as in "read".
         action: &'static str,
         /// The system's answer.
-        source: std::io::Error,
+        cause: std::io::Error,
         /// The file or folder.
         path: PathBuf,
     },
@@ -89,12 +89,12 @@ pub enum Error {
         expected: String,
     },
     /// A policy of another package could not choose an action.
-    #[error("the policy {policy} cannot act: {source}")]
+    #[error("the policy {policy} cannot act: {cause}")]
     Acting {
         /// Its name, as typed.
         policy: String,
         /// Its own error.
-        source: Box<dyn std::error::Error + Send + Sync>,
+        cause: Box<dyn std::error::Error + Send + Sync>,
     },
     /// MuJoCo refused a model.
     #[error("MuJoCo cannot load the model {name}: {fact}")]
@@ -159,7 +159,7 @@ pub enum Error {
 impl Error {
     pub(crate) fn io(action: &'static str, path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
-        move |source| Self::Io { action, source, path }
+        move |cause| Self::Io { action, cause, path }
     }
 
     pub(crate) fn malformed(path: impl Into<PathBuf>, fact: impl Into<String>, expected: impl Into<String>) -> Self {

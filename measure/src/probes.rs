@@ -16,6 +16,7 @@
 //! Beside each score stands the same probe's on shuffled quantities (fitted on each trajectory's latents with another's quantities): what the number is
 //! worth. The action-only control is the same call on the table of [`past_action_features`](crate::past_actions::past_action_features).
 
+mod deal;
 mod held_out;
 mod knn;
 mod logistic;

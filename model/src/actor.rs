@@ -4,23 +4,10 @@
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand::Rng;
-use serde::{Deserialize, Serialize};
 
 use crate::actions::{ActionDistribution, Actions};
-use crate::config::ModelConfig;
-use crate::critic::ValueDistribution;
+use crate::config::{BehaviourConfig, ModelConfig};
 use crate::mlp::{Mlp, MlpConfig};
-
-/// What actor and critic are made of, beside the model they act in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct BehaviourConfig {
-    /// The actor's distribution.
-    pub actions: ActionDistribution,
-    /// The critic's distribution.
-    pub values: ValueDistribution,
-    /// Width of the hidden layers of both.
-    pub hidden: usize,
-}
 
 /// (state, latent) to a distribution of actions.
 #[derive(Module, Debug)]

@@ -7,9 +7,9 @@ use burn::module::Module;
 use burn::tensor::Device;
 use rand::{Rng, SeedableRng};
 
-use crate::actor::{Actor, BehaviourConfig};
+use crate::actor::Actor;
 use crate::checkpoint::{load_tensors, not_a_checkpoint, save_tensors};
-use crate::config::ModelConfig;
+use crate::config::{BehaviourConfig, ModelConfig};
 use crate::critic::Critic;
 use crate::error::ModelError;
 use crate::parameters::{read_parameters, write_parameters};

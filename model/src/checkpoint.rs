@@ -70,7 +70,7 @@ pub fn save_tensors(path: &Path, tensors: &HostTensors, metadata: HashMap<String
         views.push((name.as_str(), view));
     }
     let bytes = safetensors::serialize(views, Some(metadata)).map_err(|error| not_a_checkpoint(path, error))?;
-    fs::write(path, bytes).map_err(|source| ModelError::Io { path: path.to_owned(), action: "write", source })
+    fs::write(path, bytes).map_err(|cause| ModelError::Io { path: path.to_owned(), action: "write", cause })
 }
 
 /// Writes a copy of a safetensors file in half precision, metadata and all: half the bytes, for weights that are kept and not trained on every day.
@@ -100,7 +100,7 @@ pub fn copy_in_half(from: &Path, to: &Path) -> Result<(), ModelError> {
 /// # Errors
 /// The file is missing, truncated, or holds other types.
 pub fn load_tensors(path: &Path) -> Result<(HostTensors, HashMap<String, String>), ModelError> {
-    let bytes = fs::read(path).map_err(|source| ModelError::Io { path: path.to_owned(), action: "read", source })?;
+    let bytes = fs::read(path).map_err(|cause| ModelError::Io { path: path.to_owned(), action: "read", cause })?;
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|error| not_a_checkpoint(path, error))?;
     let file = SafeTensors::deserialize(&bytes).map_err(|error| not_a_checkpoint(path, error))?;
     let mut tensors = HostTensors::new();

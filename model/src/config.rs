@@ -2,9 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::actions::ActionDistribution;
 use crate::gaussian::LatentForm;
 use crate::heads::HeadConfig;
 use crate::numbers::NumberConfig;
+use crate::values::ValueDistribution;
 
 /// What the model looks at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -92,4 +94,15 @@ impl ModelConfig {
     pub fn actions(&self) -> usize {
         self.action_min.len()
     }
+}
+
+/// What actor and critic are made of, beside the model they act in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BehaviourConfig {
+    /// The actor's distribution.
+    pub actions: ActionDistribution,
+    /// The critic's distribution.
+    pub values: ValueDistribution,
+    /// Width of the hidden layers of both.
+    pub hidden: usize,
 }

@@ -6,14 +6,14 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
     /// Reading or writing failed.
-    #[error("{source}; wanted to {action} a checkpoint: {}", path.display())]
+    #[error("{cause}; wanted to {action} a checkpoint: {}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
         /// "read" or "write".
         action: &'static str,
         /// What the system said.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// The file is not a checkpoint.
     #[error("not a checkpoint ({why}); a checkpoint is a model.safetensors written by vibes-train: {}", path.display())]

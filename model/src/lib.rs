@@ -7,7 +7,8 @@
 //! | [`encoder`], [`dynamics`], [`reward`], [`adversary`], [`decoder`] | one network each |
 //! | [`heads`], [`numbers`] | further predictions and learned numbers, by name |
 //! | [`observe`], [`cnn`], [`mlp`], [`gru`], [`linear`] | the layers they are made of |
-//! | [`actor`], [`actions`], [`critic`] | who acts, what is drawn, what it is worth |
+//! | [`actor`], [`actions`] | who acts, and the distribution that is drawn from |
+//! | [`critic`], [`values`] | what it is worth, and the distribution of returns |
 //! | [`imagine`], [`returns`] | acting in the learned dynamics, and the returns of it |
 //! | [`kernels`] | the operations that decide how long an update takes |
 //! | [`gaussian`] | the distributions they predict |
@@ -51,6 +52,7 @@ pub mod reward;
 pub mod sac;
 pub mod scale;
 pub mod slow;
+pub mod values;
 
 #[cfg(test)]
 mod golden;

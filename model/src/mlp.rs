@@ -5,6 +5,7 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand::Rng;
 
+use crate::kernels::plain::elu;
 use crate::kernels::{self, LayerWeights};
 use crate::linear::{Linear, LinearConfig};
 
@@ -83,10 +84,4 @@ impl Mlp {
     pub fn weights(&self) -> [LayerWeights; 3] {
         [&self.first, &self.second, &self.last].map(|layer| (layer.weight.val(), layer.bias.val()))
     }
-}
-
-/// `x` where it is positive, `exp(x) − 1` elsewhere. Burn's own takes the exponential of every number before it chooses, and so has the gradient 0 · ∞ for
-/// numbers above 88, which a head whose output is normalised reaches in time.
-pub fn elu<const D: usize>(x: Tensor<D>) -> Tensor<D> {
-    x.clone().clamp_min(0.0) + x.clamp_max(0.0).exp() - 1.0
 }

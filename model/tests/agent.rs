@@ -8,12 +8,13 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use vibes_model::actions::ActionDistribution;
-use vibes_model::actor::{Actor, BehaviourConfig, features};
+use vibes_model::actor::{Actor, features};
 use vibes_model::agent::{Agent, Choice};
 use vibes_model::behaviour::Behaviour;
-use vibes_model::critic::ValueDistribution;
+use vibes_model::config::BehaviourConfig;
 use vibes_model::encode::{EpisodeEncoder, RawFrames};
 use vibes_model::parameters::to_values;
+use vibes_model::values::ValueDistribution;
 use vibes_model::{Model, ModelError, ObservationKind, scale};
 
 const SIDE: usize = 20;

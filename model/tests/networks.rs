@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use vibes_model::encode::{EpisodeEncoder, RawFrames};
 use vibes_model::gru::GruConfig;
 use vibes_model::kernels::pixel_tensor;
-use vibes_model::mlp::elu;
+use vibes_model::kernels::plain::elu;
 use vibes_model::observe::Frames;
 use vibes_model::parameters::{read_parameters, to_values};
 use vibes_model::{Model, ModelError, ObservationKind};

@@ -6,6 +6,7 @@
 
 mod arrays;
 mod error;
+mod keeper;
 mod measures;
 mod models;
 mod recording;

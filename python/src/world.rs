@@ -5,6 +5,7 @@
 //! with one thread. Python's threads may then call from wherever they like.
 
 mod options;
+mod rows;
 mod slot;
 mod worker;
 
@@ -19,10 +20,11 @@ use vibes_env::videos::VideoLibrary;
 
 use crate::arrays::shaped;
 use crate::error::{affordable, refused, unlocked};
-use crate::writer::Writer;
+use crate::keeper::Keeper;
 use options::WorldOptions;
+use rows::Rows;
 use slot::EpisodeKey;
-use worker::{Order, Rows, Worker};
+use worker::{Order, Worker};
 
 /// Most environments of one world.
 const MOST: usize = 1024;
@@ -162,10 +164,9 @@ impl World {
         self.arrays(py, rows, true)?.get_item("pixels")
     }
 
-    /// Keeps every episode that is played to its end in the writer's recording; none stops keeping.
-    fn keep(&self, py: Python<'_>, writer: Option<Py<Writer>>) -> PyResult<()> {
-        let keeper = writer.map(|writer| writer.get().shared()).transpose()?;
-        self.ask(py, |_| Order::Keep(keeper.clone())).map(drop)
+    /// Keeps no more of the episodes that begin from now on.
+    fn stop_keeping(&self, py: Python<'_>) -> PyResult<()> {
+        self.keep(py, None)
     }
 
     /// Plays `steps` agent steps of uniform random actions in every environment without Python, pictures drawn and thrown away; returns the seconds
@@ -183,6 +184,11 @@ impl World {
 }
 
 impl World {
+    /// Keeps every episode that begins from now on and is played to its end in a recording; none stops keeping.
+    pub(crate) fn keep(&self, py: Python<'_>, keeper: Option<Keeper>) -> PyResult<()> {
+        self.ask(py, |_| Order::Keep(keeper.clone())).map(drop)
+    }
+
     pub(crate) fn options(&self) -> &WorldOptions {
         &self.options
     }

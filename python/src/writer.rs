@@ -13,15 +13,8 @@ use serde_json::json;
 use vibes_data::{CameraPose, Episode, EpisodeInfo, FORMAT, Manifest, RecordingWriter, Spec};
 
 use crate::error::{refused, unlocked};
+use crate::keeper::Keeper;
 use crate::world::World;
-
-/// Where worlds put their episodes.
-#[derive(Clone, Debug)]
-pub(crate) struct Keeper {
-    pub writer: Arc<RecordingWriter>,
-    /// The recording's seed: its episodes are told apart by their numbers under this seed.
-    pub seed: u64,
-}
 
 /// A recording that grows.
 #[pyclass(frozen, module = "vibes._vibes")]
@@ -99,6 +92,11 @@ impl Writer {
         unlocked(py, || writer.write(&episode, info))
     }
 
+    /// Keeps every episode that the world plays to its end from now on.
+    fn keep(&self, py: Python<'_>, world: &World) -> PyResult<()> {
+        world.keep(py, Some(self.shared()?))
+    }
+
     /// The shape of its episodes.
     fn spec<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         Ok(pythonize::pythonize(py, &self.spec)?)
@@ -135,7 +133,7 @@ impl Writer {
     }
 
     /// The open recording.
-    pub(crate) fn shared(&self) -> PyResult<Keeper> {
+    fn shared(&self) -> PyResult<Keeper> {
         let closed = || refused(format!("this writer is closed; open another: {}", self.path.display()));
         self.lock().clone().ok_or_else(closed)
     }

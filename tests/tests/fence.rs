@@ -20,7 +20,6 @@ struct Allowance {
 const UNUSED_ON_PURPOSE: &[(&str, &str)] = &[
     ("tests", "regex-syntax"), // so that builds with and without tests select the same features, and build it once
     ("collect", "mcap"),       // by fuzz/readers.rs, which its tests include
-    ("model", "burn-store"), // checkpoints are still read and written by our own code; named so that moving them builds nothing anew
 ];
 
 fn root() -> PathBuf {

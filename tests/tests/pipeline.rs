@@ -55,22 +55,35 @@ fn a_recording_becomes_latents_becomes_figures() {
     run(folder, "vibes-analyze invariance");
     run(folder, "vibes-analyze scene");
     let figures = folder.join("runs/tiny/figures");
-    for file in [
-        "neighbours.png",
-        "neighbours.svg",
-        "neighbours.json",
-        "map-by-state.png",
-        "map.arrow",
-        "grid.png",
-        "invariance.json",
-        "scene.rrd",
-    ] {
-        let size = std::fs::metadata(figures.join(file)).map_or(0, |found| found.len());
-        assert!(size > 200, "{file} has {size} bytes");
+    for picture in ["neighbours", "map-by-state", "grid"] {
+        is_a_picture(&figures.join(picture));
     }
+    let map = vibes_data::read_table(&figures.join("map.arrow")).unwrap();
+    assert_eq!(map.iter().map(|batch| batch.num_rows()).sum::<usize>(), latents.len(), "a point for every row");
+    let scene = std::fs::read(figures.join("scene.rrd")).unwrap();
+    assert!(scene.starts_with(b"RRF2"), "not a Rerun recording: {:?}", &scene[..scene.len().min(8)]);
+    assert!(
+        scene.len() > latents.len() * 2 * size_of::<f32>(),
+        "less than a place for every row: {} bytes",
+        scene.len()
+    );
+    let text = std::fs::read_to_string(figures.join("invariance.json")).unwrap();
+    let invariance: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert!(text.contains("retrieval_same_step@1") && invariance.is_object(), "{text}");
     let text = std::fs::read_to_string(figures.join("neighbours.json")).unwrap();
     let neighbours: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!(neighbours["queries"].as_array().map(Vec::len), Some(4), "{text}");
+}
+
+/// A figure lies there in both forms: a whole PNG of some size, and an SVG in which something is drawn.
+fn is_a_picture(stem: &Path) {
+    let png = std::fs::read(stem.with_extension("png")).unwrap();
+    assert!(png.starts_with(b"\x89PNG\r\n\x1a\n") && png.ends_with(b"IEND\xaeB`\x82"), "{}", stem.display());
+    let side = |at: usize| u32::from_be_bytes(png[at..at + 4].try_into().unwrap());
+    assert!(side(16) >= 200 && side(20) >= 200, "{}: {} × {} pixels", stem.display(), side(16), side(20));
+    let svg = std::fs::read_to_string(stem.with_extension("svg")).unwrap();
+    assert!(svg.contains("<svg") && svg.trim_end().ends_with("</svg>"), "{}: {svg:.100}", stem.display());
+    assert!(svg.contains("<path") || svg.contains("<image"), "{}: nothing is drawn: {svg:.300}", stem.display());
 }
 
 /// One definition for every number: latents measured by the trainer, and the same latents measured from disk by the analyzer, give the same numbers under the same

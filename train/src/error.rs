@@ -21,12 +21,12 @@ pub enum TrainError {
     #[error(transparent)]
     Measure(#[from] vibes_measure::Error),
     /// Reading or writing failed.
-    #[error("cannot {action}: {source}: {}", path.display())]
+    #[error("cannot {action}: {cause}: {}", path.display())]
     Io {
         /// "read", "write", …
         action: &'static str,
         /// What the system said.
-        source: std::io::Error,
+        cause: std::io::Error,
         /// The file or folder.
         path: PathBuf,
     },
@@ -119,7 +119,7 @@ pub enum TrainError {
 /// For `map_err`: an I/O error with what was tried and where.
 pub(crate) fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> TrainError {
     let path = path.to_owned();
-    move |source| TrainError::Io { action, source, path }
+    move |cause| TrainError::Io { action, cause, path }
 }
 
 /// A file of this program's own making that cannot be understood.

@@ -17,12 +17,14 @@ use vibes_model::Model;
 use crate::encode::check_fit;
 use crate::error::{Result, TrainError};
 
+mod feature_table;
 mod features;
 pub mod gaps;
 pub mod open_loop;
 mod rows;
 
-pub use features::{Features, features};
+pub use feature_table::Features;
+pub use features::features;
 pub use gaps::{GapOptions, Gaps, Judged, Likelihoods, gaps};
 pub use open_loop::open_loop;
 pub use rows::{Acting, Rows};

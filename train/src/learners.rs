@@ -6,6 +6,7 @@
 pub mod auxiliary;
 pub mod behaviour;
 pub mod losses;
+pub mod number;
 pub mod objective;
 pub mod optimizer;
 pub mod rollout;

@@ -31,12 +31,13 @@ use vibes_model::returns::ReturnScale;
 
 use crate::error::{Result, TrainError, io, malformed};
 use crate::fit::{End, Go};
+use crate::json::write_json;
 use crate::learners::behaviour::foresight::{Foresight, foresight};
 use crate::learners::behaviour::{BehaviourLearner, BehaviourMeasures, Replayed};
 use crate::learners::world::Learner;
 use crate::metrics::Row;
 use crate::replay::{Replay, ReplayOptions};
-use crate::run::{Run, State, write_json};
+use crate::run::{Run, State};
 use crate::session::{Session, first_learner};
 use crate::windows::{Prefetch, Purpose, update_rng};
 

@@ -33,6 +33,7 @@ use vibes_model::{HeadConfig, Model, ModelConfig};
 
 use crate::error::{Result, TrainError, io, malformed};
 use crate::gate::Gate;
+use crate::json::write_json;
 use crate::learners::world::Learner;
 use crate::options::Options;
 
@@ -333,12 +334,6 @@ impl Heads<'_> {
 pub fn versions() -> BTreeMap<String, String> {
     let versions = [("vibes-train", env!("CARGO_PKG_VERSION")), ("burn", "0.22.1")];
     versions.into_iter().map(|(name, version)| (name.to_owned(), version.to_owned())).collect()
-}
-
-pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
-    let text =
-        serde_json::to_string_pretty(value).map_err(|error| malformed(path, error, "values that JSON can hold"))?;
-    Ok(write_atomically(path, (text + "\n").as_bytes())?)
 }
 
 fn describe(model: &ModelConfig) -> String {

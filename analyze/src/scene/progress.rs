@@ -49,7 +49,7 @@ impl Progress<'_> {
         drop(stream);
         flushed
             .and_then(|()| std::fs::rename(&partial, path))
-            .map_err(|source| SceneError::Io { source, path: path.into() })
+            .map_err(|cause| SceneError::Io { cause, path: path.into() })
     }
 
     fn repeat(&self) -> i64 {

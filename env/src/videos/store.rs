@@ -105,11 +105,11 @@ pub(super) fn cache_folder() -> Result<PathBuf> {
     for folder in bases.into_iter().flatten().map(|base| base.join("vibes/videos")) {
         match std::fs::create_dir_all(&folder).and_then(|()| probe(&folder)) {
             Ok(()) => return Ok(folder),
-            Err(source) => refusal = Some((source, folder)),
+            Err(cause) => refusal = Some((cause, folder)),
         }
     }
-    let (source, path) = refusal.unwrap_or_else(|| (std::io::Error::other("no cache folder"), std::env::temp_dir()));
-    Err(Error::Io { action: "make a folder for decoded videos", source, path })
+    let (cause, path) = refusal.unwrap_or_else(|| (std::io::Error::other("no cache folder"), std::env::temp_dir()));
+    Err(Error::Io { action: "make a folder for decoded videos", cause, path })
 }
 
 fn probe(folder: &Path) -> std::io::Result<()> {

@@ -4,8 +4,7 @@ use rand::Rng;
 use rand::seq::index;
 
 use super::ProbeOptions;
-use super::held_out::Predictions;
-use super::quantity::Targets;
+use super::quantity::{Predictions, Targets};
 use crate::neighbours::{Exclude, Metric, Neighbours, Space, bounded_queries, nearest, nearest_to};
 use crate::{Error, Table};
 

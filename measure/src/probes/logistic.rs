@@ -8,8 +8,7 @@ use rand::Rng;
 use rand::seq::index;
 use rayon::prelude::*;
 
-use super::held_out::Predictions;
-use super::quantity::Targets;
+use super::quantity::{Predictions, Targets};
 use crate::{Error, Table};
 
 /// What one fold predicts: a row and its score of every class, `[classes]`.

@@ -163,3 +163,9 @@ fn indicators(classes: &[u32], rows: usize) -> Result<Vec<Vec<f64>>, Error> {
     names.dedup();
     Ok(names.iter().map(|name| classes.iter().map(|class| f64::from(u8::from(class == name))).collect()).collect())
 }
+
+/// Predictions of some rows, `[rows, columns]`.
+pub(super) struct Predictions {
+    pub rows: Vec<usize>,
+    pub values: Vec<f64>,
+}

@@ -7,7 +7,7 @@ use linfa_linalg::cholesky::SolveCInplace;
 use ndarray::{Array1, Array2, Axis, s};
 use rayon::prelude::*;
 
-use super::held_out::{Deal, PARTS};
+use super::deal::{Deal, PARTS};
 use super::quantity::Targets;
 use crate::{Error, Table};
 

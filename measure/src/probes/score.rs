@@ -2,8 +2,7 @@
 
 use rand::Rng;
 
-use super::held_out::Predictions;
-use super::quantity::Targets;
+use super::quantity::{Predictions, Targets};
 use crate::Table;
 use crate::intervals::{Interval, Trajectories};
 

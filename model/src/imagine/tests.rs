@@ -8,12 +8,12 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::actions::ActionDistribution;
-use crate::actor::BehaviourConfig;
-use crate::critic::ValueDistribution;
+use crate::config::BehaviourConfig;
 use crate::gaussian::unit_norm;
 use crate::golden::{Case, assert_close, small_model};
 use crate::parameters::to_values;
 use crate::returns::lambda_returns;
+use crate::values::ValueDistribution;
 
 /// `h' = tanh([h, s, a] W_h)`, `s' = unit norm of h' W_s`, `r = [s, a] W_r`.
 struct Toy {

@@ -4,7 +4,7 @@
 
 use burn::tensor::{Int, Tensor};
 
-use super::plain;
+use super::{Conv3Layer, plain};
 
 mod geometry;
 mod operation;
@@ -13,15 +13,6 @@ mod stack;
 #[cfg(test)]
 mod tests;
 mod winograd;
-
-/// One 3×3 convolution without padding, followed by ReLU.
-#[derive(Clone, Debug)]
-pub struct Conv3Layer {
-    /// `[out_channels, in_channels, 3, 3]`, Burn's and PyTorch's order.
-    pub weight: Tensor<4>,
-    /// `[out_channels]`
-    pub bias: Tensor<1>,
-}
 
 /// Features of stacked pictures: bytes `x/255`, then each layer's convolution (stride 2 in the first, 1 in the others) and ReLU, then flattened channels
 /// last.

@@ -3,7 +3,6 @@
 //! In: tensors of any device. Out: their `flex` primitives, or nothing where a tensor lives elsewhere, is not float32, or
 //! is recorded for gradient checkpointing; the caller then falls back to [`plain`](super::plain) operations.
 
-use burn::backend::autodiff::{NodeId, grads::Gradients};
 use burn::backend::{Autodiff, Flex};
 use burn::tensor::{DType, Device, Int, IntDType, Tensor};
 use burn_flex::FlexTensor;
@@ -50,21 +49,6 @@ pub(super) fn bytes(pixels: &Tensor<4, Int>) -> Option<FlexTensor> {
 /// A tensor in one piece as numbers.
 pub(super) fn numbers(tensor: &FlexTensor) -> &[f32] {
     tensor.as_slice().expect("a float32 tensor in one piece")
-}
-
-/// Gives what a backward step found to those parents that want a gradient, each in the shape of the tensor it is the gradient of.
-pub(super) fn register(
-    gradients: &mut Gradients,
-    parents: impl Iterator<Item = Option<NodeId>>,
-    tensors: &[FlexTensor],
-    found: impl IntoIterator<Item = Vec<f32>>,
-) {
-    for ((parent, like), found) in parents.zip(tensors).zip(found) {
-        if let Some(parent) = parent {
-            let found = tensor(found, [like.layout().num_elements()]).reshape(like.layout().shape().clone());
-            gradients.register::<Flex>(parent, found);
-        }
-    }
 }
 
 /// Numbers as a tensor.

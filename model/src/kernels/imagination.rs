@@ -6,8 +6,8 @@
 
 use burn::tensor::Tensor;
 
+use super::LayerWeights;
 use super::instructions::Instructions;
-use super::perceptron::LayerWeights;
 use crate::actions::ActionDistribution;
 
 mod backward;

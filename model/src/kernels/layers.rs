@@ -1,4 +1,4 @@
-//! The weights that convolutions take, whichever way they run.
+//! The weights that the operations take, whichever way they run.
 
 use burn::tensor::Tensor;
 
@@ -23,3 +23,15 @@ pub struct TransposedLayer {
     /// Whether negative results become zero.
     pub relu: bool,
 }
+
+/// One 3×3 convolution without padding, followed by ReLU.
+#[derive(Clone, Debug)]
+pub struct Conv3Layer {
+    /// `[out_channels, in_channels, 3, 3]`, Burn's and PyTorch's order.
+    pub weight: Tensor<4>,
+    /// `[out_channels]`
+    pub bias: Tensor<1>,
+}
+
+/// Weights `[input, output]` and bias `[output]` of a layer.
+pub type LayerWeights = (Tensor<2>, Tensor<1>);

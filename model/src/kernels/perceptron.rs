@@ -3,10 +3,10 @@
 //! In: rows of numbers, weights. Out: rows of numbers; differentiable in everything. Of a perceptron that is held fixed only the gradient of its input is
 //! computed.
 
-use burn::tensor::{Tensor, module};
+use burn::tensor::Tensor;
 
 use super::instructions::Instructions;
-use crate::mlp::elu;
+use super::{LayerWeights, plain};
 
 mod operation;
 #[cfg(test)]
@@ -15,9 +15,6 @@ mod tests;
 /// Rows from which on the custom path is faster.
 const LEAST_ROWS: usize = 16;
 
-/// Weights `[input, output]` and bias `[output]` of a layer.
-pub type LayerWeights = (Tensor<2>, Tensor<1>);
-
 /// `elu(elu(x W₁ + b₁) W₂ + b₂) W₃ + b₃`
 ///
 /// * `x` `[rows, input]`
@@ -25,13 +22,7 @@ pub type LayerWeights = (Tensor<2>, Tensor<1>);
 pub fn perceptron(x: Tensor<2>, layers: [LayerWeights; 3]) -> Tensor<2> {
     // For a handful of rows, putting the weights into panels costs more than the product.
     if x.dims()[0] < LEAST_ROWS {
-        return plain(x, layers);
+        return plain::perceptron(x, layers);
     }
-    operation::perceptron(x.clone(), &layers, Instructions::best()).unwrap_or_else(|| plain(x, layers))
-}
-
-/// The same as ordinary Burn operations.
-fn plain(x: Tensor<2>, [first, second, last]: [LayerWeights; 3]) -> Tensor<2> {
-    let linear = |x, (weight, bias): LayerWeights| module::linear(x, weight, Some(bias));
-    linear(elu(linear(elu(linear(x, first)), second)), last)
+    operation::perceptron(x.clone(), &layers, Instructions::best()).unwrap_or_else(|| plain::perceptron(x, layers))
 }

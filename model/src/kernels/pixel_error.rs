@@ -4,16 +4,11 @@
 //! squared differences of every frame, `[frames]`. Differentiable in the pictures. On `flex` it reads both once, where ordinary operations write and read
 //! several copies of them.
 
-use burn::backend::autodiff::{
-    checkpoint::{base::Checkpointer, strategy::NoCheckpointing},
-    grads::Gradients,
-    ops::{Backward, Ops, OpsKind},
-};
-use burn::backend::{Autodiff, Flex};
 use burn::tensor::{Int, Tensor};
 use burn_flex::FlexTensor;
 use rayon::prelude::*;
 
+use super::operation::{Operand, Operation, run};
 use super::{flex, plain};
 
 /// Sums of squared differences, one a frame: `[frames]`.
@@ -31,20 +26,7 @@ fn operation(pictures: &Tensor<4>, pixels: &Tensor<4, Int>) -> Option<Tensor<1>>
         return None;
     }
     let bytes = flex::bytes(pixels)?;
-    if !pictures.device().is_autodiff() {
-        let pictures = flex::unfollowed(pictures.clone())?;
-        return Some(Tensor::from_primitive::<Flex>(forward(&pictures, &bytes, frames)));
-    }
-    let pictures = flex::followed(pictures.clone())?;
-    let node = pictures.node();
-    let pictures = pictures.into_primitive().to_contiguous();
-    let errors = forward(&pictures, &bytes, frames);
-    Some(Tensor::from_primitive::<Autodiff<Flex>>(
-        match PixelError.prepare::<NoCheckpointing>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prepared) => prepared.finish((pictures, bytes), errors),
-            OpsKind::UnTracked(prepared) => prepared.finish(errors),
-        },
-    ))
+    run(PixelError { frames, bytes }, [Operand::of(pictures.clone())?])
 }
 
 /// A byte as the pictures have it.
@@ -52,38 +34,41 @@ fn scaled(byte: u8) -> f32 {
     f32::from(byte) / 255.0 - 0.5
 }
 
-fn pixels_of(bytes: &FlexTensor) -> &[u8] {
-    bytes.as_slice().expect("bytes in one piece")
+/// The true pictures.
+#[derive(Clone, Debug)]
+struct PixelError {
+    frames: usize,
+    bytes: FlexTensor,
 }
 
-fn forward(pictures: &FlexTensor, bytes: &FlexTensor, frames: usize) -> FlexTensor {
-    let (pictures, bytes) = (flex::numbers(pictures), pixels_of(bytes));
-    let pairs = pictures.par_chunks(pictures.len() / frames).zip(bytes.par_chunks(bytes.len() / frames));
-    let error = |(picture, bytes): (&[f32], &[u8])| {
-        // Sixteen sums beside each other, so that the compiler makes vectors of them.
-        let mut sums = [0.0_f32; 16];
-        for (picture, bytes) in picture.chunks(16).zip(bytes.chunks(16)) {
-            for (sum, (value, byte)) in sums.iter_mut().zip(picture.iter().zip(bytes)) {
-                let difference = value - scaled(*byte);
-                *sum += difference * difference;
+impl PixelError {
+    fn bytes(&self) -> &[u8] {
+        self.bytes.as_slice().expect("bytes in one piece")
+    }
+}
+
+impl Operation<1> for PixelError {
+    type Kept = ();
+
+    fn forward(&self, [pictures]: &[FlexTensor; 1], _keep: bool) -> Option<(FlexTensor, ())> {
+        let (pictures, bytes, frames) = (flex::numbers(pictures), self.bytes(), self.frames);
+        let pairs = pictures.par_chunks(pictures.len() / frames).zip(bytes.par_chunks(bytes.len() / frames));
+        let error = |(picture, bytes): (&[f32], &[u8])| {
+            // Sixteen sums beside each other, so that the compiler makes vectors of them.
+            let mut sums = [0.0_f32; 16];
+            for (picture, bytes) in picture.chunks(16).zip(bytes.chunks(16)) {
+                for (sum, (value, byte)) in sums.iter_mut().zip(picture.iter().zip(bytes)) {
+                    let difference = value - scaled(*byte);
+                    *sum += difference * difference;
+                }
             }
-        }
-        sums.iter().sum::<f32>()
-    };
-    flex::tensor(pairs.map(error).collect(), [frames])
-}
+            sums.iter().sum::<f32>()
+        };
+        Some((flex::tensor(pairs.map(error).collect(), [frames]), ()))
+    }
 
-/// The backward step.
-#[derive(Debug)]
-struct PixelError;
-
-impl Backward<Flex, 1> for PixelError {
-    type State = (FlexTensor, FlexTensor);
-
-    fn backward(self, ops: Ops<Self::State, 1>, gradients: &mut Gradients, _: &mut Checkpointer) {
-        let (pictures, bytes) = ops.state;
-        let slopes = gradients.consume::<Flex>(&ops.node).to_contiguous();
-        let (slopes, values, bytes) = (flex::numbers(&slopes), flex::numbers(&pictures), pixels_of(&bytes));
+    fn backward(&self, [pictures]: &[FlexTensor; 1], (): &(), slopes: &[f32], _: [bool; 1]) -> [Vec<f32>; 1] {
+        let (values, bytes) = (flex::numbers(pictures), self.bytes());
         let mut found = vec![0.0; values.len()];
         let width = values.len() / slopes.len();
         let frames = found.par_chunks_mut(width).zip(values.par_chunks(width).zip(bytes.par_chunks(width)));
@@ -92,8 +77,7 @@ impl Backward<Flex, 1> for PixelError {
                 *found = 2.0 * slope * (value - scaled(*byte));
             }
         });
-        let parents = ops.parents.iter().map(|parent| parent.as_ref().map(|parent| parent.id));
-        flex::register(gradients, parents, &[pictures], [found]);
+        [found]
     }
 }
 

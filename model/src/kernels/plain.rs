@@ -4,9 +4,9 @@
 
 use burn::tensor::module::{conv_transpose2d, conv2d};
 use burn::tensor::ops::{ConvOptions, ConvTransposeOptions};
-use burn::tensor::{Int, Tensor, activation};
+use burn::tensor::{Int, Tensor, activation, module};
 
-use super::{Conv3Layer, ConvLayer, TransposedLayer};
+use super::{Conv3Layer, ConvLayer, LayerWeights, TransposedLayer};
 
 /// Convolutional features of pixels, as [`features`](super::features) defines them.
 pub fn features(pixels: Tensor<4, Int>, layers: &[ConvLayer]) -> Tensor<2> {
@@ -70,4 +70,16 @@ pub fn gru(
         states.push(state.clone());
     }
     Tensor::stack(states, 0)
+}
+
+/// Three layers with ELU between them, as [`perceptron`](super::perceptron()) defines them.
+pub fn perceptron(x: Tensor<2>, [first, second, last]: [LayerWeights; 3]) -> Tensor<2> {
+    let linear = |x, (weight, bias): LayerWeights| module::linear(x, weight, Some(bias));
+    linear(elu(linear(elu(linear(x, first)), second)), last)
+}
+
+/// `x` where it is positive, `exp(x) − 1` elsewhere. Burn's own takes the exponential of every number before it chooses, and so has the gradient 0 · ∞ for
+/// numbers above 88, which a head whose output is normalised reaches in time.
+pub fn elu<const D: usize>(x: Tensor<D>) -> Tensor<D> {
+    x.clone().clamp_min(0.0) + x.clamp_max(0.0).exp() - 1.0
 }

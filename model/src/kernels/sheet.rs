@@ -329,6 +329,17 @@ fn finish(out: &mut [f32], bias: &[f32], activation: Activation) {
     }
 }
 
+/// Gradients of weight and bias of three layers.
+pub(super) type LayerGradients = [(Vec<f32>, Vec<f32>); 3];
+
+/// Adds what another lane found. Lanes are added in their order, so that sums do not depend on the number of threads.
+pub(super) fn add(all: &mut LayerGradients, more: &LayerGradients) {
+    for ((weight, bias), (more_weight, more_bias)) in all.iter_mut().zip(more) {
+        weight.iter_mut().zip(more_weight).for_each(|(sum, more)| *sum += more);
+        bias.iter_mut().zip(more_bias).for_each(|(sum, more)| *sum += more);
+    }
+}
+
 /// Through an ELU whose outputs are known: multiplies the gradient by 1 where the output is positive and by output + 1 elsewhere.
 pub(super) fn through_elu(
     gradient: &mut Sheet,

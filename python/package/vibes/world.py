@@ -183,7 +183,10 @@ class World:
 
     def keep(self, writer: Writer | None) -> None:
         """Keeps every episode that begins from now on and is played to its end in ``writer``'s recording; None stops that."""
-        self._native.keep(None if writer is None else writer._native)
+        if writer is None:
+            self._native.stop_keeping()
+        else:
+            writer._native.keep(self._native)
 
     def close(self) -> None:
         """Ends the threads and frees their memory; using the world afterwards raises."""

@@ -9,8 +9,8 @@ use vibes_env::videos::VideoLibrary;
 use vibes_env::{EpisodeSeeds, Eyes, Start, state_seed};
 
 use super::options::WorldOptions;
-use super::worker::Rows;
-use crate::writer::Keeper;
+use super::rows::Rows;
+use crate::keeper::Keeper;
 
 /// Which episode of which recording: that of state trajectory `state` under distractor trajectory `distractor` in a recording of this seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -193,7 +193,7 @@ impl OnlineArgs {
         self.work.lay_over(options);
         if let Some(protocol) = self.protocol {
             // What was typed is kept, so that the check can refuse it.
-            protocol.settle(options);
+            options.settle(protocol);
             self.world.lay_over(options);
             self.work.lay_over(options);
         }

@@ -6,23 +6,12 @@ use vibes_model::encode::EpisodeEncoder;
 use vibes_model::parameters::to_values;
 use vibes_model::{Model, scale};
 
-use super::Rows;
+use super::{Features, Rows};
 use crate::encode::encode_rows;
 use crate::error::Result;
 
 /// Rows encoded at a time.
 const CHUNK: usize = 128;
-
-/// One table of features, `[rows, dims]`, row-major.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Features {
-    /// `s` for the latents, `h` for the recurrent state before the row's action, `hs` for both.
-    pub name: &'static str,
-    /// Numbers a row.
-    pub dims: usize,
-    /// The values.
-    pub values: Vec<f32>,
-}
 
 /// The tables of features of all rows, the latents first; none of no rows.
 ///

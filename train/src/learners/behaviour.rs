@@ -15,7 +15,8 @@ use vibes_model::imagine::{Imagination, ImaginationNoise, Learned, Starts, imagi
 use vibes_model::parameters::to_values;
 use vibes_model::returns::{ReturnScale, lambda_returns};
 
-use crate::error::{Result, TrainError};
+use crate::error::Result;
+use crate::learners::number::{finite, scalar};
 use crate::learners::optimizer::{NamedGradients, Optimizer};
 
 pub mod foresight;
@@ -135,10 +136,10 @@ impl BehaviourLearner {
         let divisor = if options.normalize_returns { self.scale.divisor() } else { 1.0 };
         let mut measures = BehaviourMeasures {
             imagined_return: mean(&numbers),
-            imagined_reward: scalar(judged.imagined.rewards.clone().inner().mean()),
-            value: scalar(judged.values.clone().inner().narrow(0, 0, 1).mean()),
+            imagined_reward: scalar(&judged.imagined.rewards.clone().inner().mean()),
+            value: scalar(&judged.values.clone().inner().narrow(0, 0, 1).mean()),
             return_scale: self.scale.divisor() as f32,
-            entropy: scalar(judged.entropy.clone().inner().mean()),
+            entropy: scalar(&judged.entropy.clone().inner().mean()),
             ..BehaviourMeasures::default()
         };
         finite("the mean imagined return", measures.imagined_return)?;
@@ -154,7 +155,7 @@ impl BehaviourLearner {
         let replayed =
             if options.replay_value > 0.0 { self.replay_targets(rows, &chosen, &numbers, options) } else { None };
         let loss = self.critic_loss(features, returns, replayed, divisor, options);
-        measures.critic_loss = finite("the critic's loss", scalar(loss.clone().inner()))?;
+        measures.critic_loss = finite("the critic's loss", scalar(&loss.clone().inner()))?;
         measures.critic_gradient_norm = self.critic_step(&loss, options)?;
         measures.phases.critic = ms(begun);
         Ok((self, measures))
@@ -336,14 +337,6 @@ fn mean(values: &[f32]) -> f32 {
 
 fn ms(begun: Instant) -> f64 {
     begun.elapsed().as_secs_f64() * 1e3
-}
-
-fn scalar(value: Tensor<1>) -> f32 {
-    value.into_scalar()
-}
-
-fn finite(what: &'static str, value: f32) -> Result<f32> {
-    if value.is_finite() { Ok(value) } else { Err(TrainError::NotFinite { what, value }) }
 }
 
 #[cfg(test)]

@@ -1,13 +1,15 @@
-//! The dynamics run ahead without pictures, under the recorded actions. In: a scene. Out: for each step ahead, the predicted latents of all starts at once.
+//! The dynamics run ahead without pictures, under the recorded actions. In: the windows, their latents and
+//! the dynamics' states before each row. Out: for each step ahead, the predicted latents of all starts at once.
 //!
 //! ```text
 //! start (h_t, s_t);   h_t+k+1 = f(h_t+k, s_t+k, a_t+k),   s_t+k+1 = mean of p_θ(· | h_t+k+1)
 //! ```
 
 use burn::tensor::Tensor;
+use vibes_model::dynamics::Dynamics;
 use vibes_model::gaussian::Gaussian;
 
-use super::scene::Scene;
+use crate::batch::Batch;
 
 /// Predictions of all steps ahead; `N` is the number of starts, `starts · batch`.
 #[derive(Debug)]
@@ -21,20 +23,19 @@ pub struct Rollout {
 }
 
 /// Rolls the dynamics `steps` steps ahead, at most as many as leave one start in a window.
-pub fn roll(scene: &Scene<'_>, steps: usize) -> Rollout {
-    let steps = steps.min(scene.batch.length - 1);
-    let starts = scene.batch.length - steps;
-    let mut state = rows(scene.states(), 0, starts).squeeze_dim::<2>(0);
-    let mut latent = rows(&scene.latents, 0, starts);
-    let mut latents = Vec::with_capacity(steps);
+pub fn roll(dynamics: &Dynamics, batch: &Batch, (latents, states): (&Tensor<3>, &Tensor<3>), steps: usize) -> Rollout {
+    let steps = steps.min(batch.length - 1);
+    let starts = batch.length - steps;
+    let mut state = rows(states, 0, starts).squeeze_dim::<2>(0);
+    let mut latent = rows(latents, 0, starts);
+    let mut ahead = Vec::with_capacity(steps);
     for step in 0..steps {
-        let (next, states) =
-            scene.world.dynamics.forward(latent, rows(&scene.batch.actions, step, starts), Some(state));
+        let (next, states) = dynamics.forward(latent, rows(&batch.actions, step, starts), Some(state));
         state = states.squeeze_dim::<2>(0);
         latent = next.mean.clone();
-        latents.push(next);
+        ahead.push(next);
     }
-    Rollout { starts, latents, counted: rows(&scene.batch.counted, 0, starts) }
+    Rollout { starts, latents: ahead, counted: rows(&batch.counted, 0, starts) }
 }
 
 /// Rows `from..from + count` of every window, side by side: `[1, count · batch, …]`.

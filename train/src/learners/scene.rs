@@ -116,7 +116,7 @@ impl<'a> Scene<'a> {
 
     /// The dynamics run `steps` steps ahead without pictures from every row that has as many after it, under the recorded actions; the first call decides how far.
     pub fn rollout(&self, steps: usize) -> &Rollout {
-        self.rollout.get_or_init(|| roll(self, steps))
+        self.rollout.get_or_init(|| roll(&self.world.dynamics, self.batch, (&self.latents, self.states()), steps))
     }
 }
 

@@ -14,9 +14,10 @@ use vibes_model::Model;
 use vibes_model::parameters::to_values;
 
 use crate::batch::Batch;
-use crate::error::{Result, TrainError};
+use crate::error::Result;
 use crate::learners::auxiliary::{self, Auxiliary};
 use crate::learners::behaviour::Replayed;
+use crate::learners::number::{finite, scalar};
 use crate::learners::objective::{Rival, Value};
 use crate::learners::optimizer::{NamedGradients, Optimizer};
 use crate::learners::scene::Scene;
@@ -178,11 +179,6 @@ impl Stopwatch {
     }
 }
 
-/// The one number of a tensor.
-pub(crate) fn scalar(value: &Tensor<1>) -> f32 {
-    value.clone().into_scalar()
-}
-
 fn measure(value: &Value) -> Measures {
     Measures {
         objective: scalar(&value.objective),
@@ -192,14 +188,6 @@ fn measure(value: &Value) -> Measures {
         stated: value.stated.iter().map(|(name, number)| (*name, scalar(number))).collect(),
         ..Measures::default()
     }
-}
-
-/// A quantity that must be a number.
-///
-/// # Errors
-/// It is not.
-pub(crate) fn finite(what: &'static str, value: f32) -> Result<f32> {
-    if value.is_finite() { Ok(value) } else { Err(TrainError::NotFinite { what, value }) }
 }
 
 #[cfg(test)]

@@ -138,10 +138,51 @@ impl OnlineOptions {
         if !(self.exploration.is_finite() && self.exploration >= 0.0) {
             return wrong(format!("--exploration is {}; it must be 0 or more", self.exploration));
         }
-        match &self.protocol {
-            Some(protocol) => protocol.check(self),
+        match self.protocol {
+            Some(protocol) => self.is_under(protocol),
             None => Ok(()),
         }
+    }
+
+    /// Puts a protocol's settings in.
+    pub fn settle(&mut self, protocol: Protocol) {
+        self.protocol = Some(protocol);
+        self.world.video_count = None;
+        if let Some(settings) = protocol.settings(&self.world.task) {
+            self.control_steps = settings.control_steps;
+            self.final_episodes = settings.final_episodes;
+            self.world.distractors = settings.distractors;
+            self.world.action_repeat = settings.action_repeat;
+        }
+    }
+
+    /// That every setting is the protocol's; the message names the first that is not.
+    fn is_under(&self, protocol: Protocol) -> Result<()> {
+        let world = &self.world;
+        let refuse = |setting: &str, found: String, wanted: String| {
+            Err(TrainError::Options(format!(
+                "{protocol} has {setting} {wanted}, not {found}; leave out --protocol for other settings"
+            )))
+        };
+        let Some(settings) = protocol.settings(&world.task) else {
+            return refuse("the tasks", world.task.clone(), protocol.tasks().collect::<Vec<_>>().join(", "));
+        };
+        let numbers = [
+            ("the action repeat", u64::from(world.action_repeat), u64::from(settings.action_repeat)),
+            ("control steps", self.control_steps, settings.control_steps),
+            ("final episodes", u64::from(self.final_episodes), u64::from(settings.final_episodes)),
+        ];
+        if let Some((setting, found, wanted)) = numbers.into_iter().find(|(_, found, wanted)| found != wanted) {
+            return refuse(setting, found.to_string(), wanted.to_string());
+        }
+        if world.distractors != settings.distractors || world.video_count.is_some() {
+            let wanted = "all three axes, easy and dynamic, four videos";
+            return refuse("the distractors", "others".to_owned(), wanted.to_owned());
+        }
+        if world.size.is_none() {
+            return refuse("observations", "vectors".to_owned(), "pictures".to_owned());
+        }
+        Ok(())
     }
 }
 
@@ -159,5 +200,39 @@ fn difference(at: &str, left: &serde_json::Value, right: &serde_json::Value) -> 
         }
         _ if left == right => None,
         _ => Some((at.to_owned(), left.to_string(), right.to_string())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::prepare::{default_options, default_world};
+    use super::*;
+
+    fn settled(task: &str) -> OnlineOptions {
+        let mut options = default_options(default_world(task).unwrap(), false);
+        options.settle(Protocol::DcsEasyDynamic500k);
+        options
+    }
+
+    #[test]
+    fn the_protocol_fixes_its_settings_and_refuses_others() {
+        let options = settled("cartpole-swingup");
+        assert_eq!((options.world.action_repeat, options.control_steps, options.final_episodes), (8, 500_000, 100));
+        assert!(options.check().is_ok());
+        let changes: [fn(&mut OnlineOptions); 5] = [
+            |options| options.world.action_repeat = 4,
+            |options| options.control_steps = 100_000,
+            |options| options.final_episodes = 10,
+            |options| options.world.distractors.dynamic = false,
+            |options| options.world.size = None,
+        ];
+        for change in changes {
+            let mut other = options.clone();
+            change(&mut other);
+            let error = other.check().unwrap_err().to_string();
+            assert!(error.contains("dcs-easy-dynamic-500k has"), "{error}");
+        }
+        let error = settled("swimmer-10").check().unwrap_err().to_string();
+        assert!(error.contains("walker-walk"), "{error}");
     }
 }

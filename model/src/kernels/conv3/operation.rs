@@ -4,21 +4,17 @@
 
 use std::sync::Arc;
 
-use burn::backend::autodiff::{
-    checkpoint::{base::Checkpointer, strategy::NoCheckpointing},
-    grads::Gradients,
-    ops::{Backward, Ops, OpsKind},
-};
-use burn::backend::{Autodiff, Flex};
 use burn::tensor::{Int, Tensor};
 use burn_flex::FlexTensor;
 
-use super::Conv3Layer;
 use super::geometry::{self, FILTERS};
-use super::stack::{Stack, Weights};
-use crate::kernels::flex::{self, Followed};
+use super::stack::Stack;
+use crate::kernels::Conv3Layer;
+use crate::kernels::flex;
 use crate::kernels::instructions::Instructions;
+use crate::kernels::layered::{in_turn, operands, pairs};
 use crate::kernels::memory::Buffer;
+use crate::kernels::operation::{Operation, run_layers};
 
 /// See [`conv3_features`](super::conv3_features).
 pub(super) fn features(pixels: &Tensor<4, Int>, layers: &[Conv3Layer]) -> Option<Tensor<2>> {
@@ -42,75 +38,40 @@ pub(super) fn features_with(
         return None;
     }
     let stack = Stack { layers: geometry::layers([height, width], channels, layers.len())?, instructions };
-    let input = Input { stack, bytes: flex::bytes(pixels)? };
-    let followed = layers.iter().any(|layer| layer.weight.device().is_autodiff() || layer.bias.device().is_autodiff());
-    if followed { input.followed(layers) } else { input.unfollowed(layers) }
+    let convolutions = Convolutions { stack, bytes: flex::bytes(pixels)? };
+    run_layers(convolutions, operands(layers.iter().map(|layer| (&layer.weight, &layer.bias)))?)
 }
 
-/// What the convolutions look at.
+/// The layers, and the pictures they look at.
 #[derive(Clone, Debug)]
-struct Input {
+struct Convolutions {
     stack: Stack,
     bytes: FlexTensor,
 }
 
-/// What the backward pass needs.
-#[derive(Clone, Debug)]
-struct Kept {
-    input: Input,
-    weights: Vec<FlexTensor>,
-    activations: Arc<Vec<Buffer>>,
+impl<const N: usize> Operation<N> for Convolutions {
+    /// Activations of the layers.
+    type Kept = Arc<Vec<Buffer>>;
+
+    fn forward(&self, tensors: &[FlexTensor; N], keep: bool) -> Option<(FlexTensor, Self::Kept)> {
+        let activations = self.stack.forward(self.bytes(), &pairs(tensors), keep);
+        Some((self.output(&activations), Arc::new(activations)))
+    }
+
+    fn backward(
+        &self,
+        tensors: &[FlexTensor; N],
+        activations: &Self::Kept,
+        output: &[f32],
+        _wanted: [bool; N],
+    ) -> [Vec<f32>; N] {
+        in_turn(self.stack.backward(self.bytes(), &pairs(tensors), activations, output))
+    }
 }
 
-impl Input {
+impl Convolutions {
     fn bytes(&self) -> &[u8] {
         self.bytes.as_slice().expect("bytes in one piece")
-    }
-
-    fn unfollowed(&self, layers: &[Conv3Layer]) -> Option<Tensor<2>> {
-        let mut weights = Vec::with_capacity(2 * layers.len());
-        for layer in layers {
-            weights.push(flex::unfollowed(layer.weight.clone())?);
-            weights.push(flex::unfollowed(layer.bias.clone())?);
-        }
-        let activations = self.stack.forward(self.bytes(), &pairs(&weights), false);
-        Some(Tensor::from_primitive::<Flex>(self.output(&activations)))
-    }
-
-    fn followed(self, layers: &[Conv3Layer]) -> Option<Tensor<2>> {
-        let mut weights = Vec::with_capacity(2 * layers.len());
-        for layer in layers {
-            weights.push(flex::followed(layer.weight.clone())?);
-            weights.push(flex::followed(layer.bias.clone())?);
-        }
-        let output = match layers.len() {
-            1 => self.record::<2>(weights),
-            2 => self.record::<4>(weights),
-            3 => self.record::<6>(weights),
-            4 => self.record::<8>(weights),
-            _ => None,
-        };
-        Some(Tensor::from_primitive::<Autodiff<Flex>>(output?))
-    }
-
-    /// Runs forward and records the backward step on `N` weights and biases.
-    fn record<const N: usize>(self, weights: Vec<Followed>) -> Option<Followed> {
-        let weights: [Followed; N] = weights.try_into().ok()?;
-        let nodes = weights.each_ref().map(Followed::node);
-        let weights: Vec<FlexTensor> =
-            weights.into_iter().map(|weight| weight.into_primitive().to_contiguous()).collect();
-        Some(match Convolutions.prepare::<NoCheckpointing>(nodes).compute_bound().stateful() {
-            OpsKind::Tracked(prepared) => {
-                let activations = self.stack.forward(self.bytes(), &pairs(&weights), true);
-                let output = self.output(&activations);
-                let kept = Kept { input: self, weights, activations: Arc::new(activations) };
-                prepared.finish(kept, output)
-            }
-            OpsKind::UnTracked(prepared) => {
-                let activations = self.stack.forward(self.bytes(), &pairs(&weights), false);
-                prepared.finish(self.output(&activations))
-            }
-        })
     }
 
     /// The last activations as features.
@@ -118,32 +79,5 @@ impl Input {
         let width = self.stack.layers[self.stack.layers.len() - 1].output_len();
         let last = &activations[activations.len() - 1];
         flex::tensor(last.to_vec(), [last.len() / width, width])
-    }
-}
-
-/// Weights and biases in turn, as pairs.
-fn pairs(weights: &[FlexTensor]) -> Vec<Weights<'_>> {
-    weights
-        .chunks_exact(2)
-        .map(|pair| Weights { weight: flex::numbers(&pair[0]), bias: flex::numbers(&pair[1]) })
-        .collect()
-}
-
-/// The backward step.
-#[derive(Debug)]
-struct Convolutions;
-
-impl<const N: usize> Backward<Flex, N> for Convolutions {
-    type State = Kept;
-
-    fn backward(self, ops: Ops<Kept, N>, gradients: &mut Gradients, _: &mut Checkpointer) {
-        let kept = ops.state;
-        let output = gradients.consume::<Flex>(&ops.node).to_contiguous();
-        let stack = &kept.input.stack;
-        let found =
-            stack.backward(kept.input.bytes(), &pairs(&kept.weights), &kept.activations, flex::numbers(&output));
-        let found = found.into_iter().flat_map(|layer| [layer.weight, layer.bias]);
-        let parents = ops.parents.iter().map(|parent| parent.as_ref().map(|parent| parent.id));
-        flex::register(gradients, parents, &kept.weights, found);
     }
 }

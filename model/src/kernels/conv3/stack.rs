@@ -8,30 +8,15 @@ use rayon::prelude::*;
 use super::geometry::{FILTERS, Layer};
 use super::winograd::{Finish, Map, Room};
 use super::{passes, winograd};
+use crate::kernels::layered::{Gradients, SHARES, Weights, dealt};
 use crate::kernels::{instructions::Instructions, memory::Buffer};
 
 /// Frames of one piece of forward work.
 const CHUNK: usize = 8;
-/// Shares of the backward pass, each with its own sums of weight gradients.
-const SHARES: usize = 8;
 /// The first layer's stride of two times the channels of one RGB picture.
 const ONE: usize = 2 * 3;
 /// The same for three RGB pictures.
 const THREE: usize = 2 * 9;
-
-/// One layer's weight `[32, in, 3, 3]` and bias.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Weights<'a> {
-    pub(super) weight: &'a [f32],
-    pub(super) bias: &'a [f32],
-}
-
-/// Gradients of one layer, in the order of [`Weights`].
-#[derive(Debug)]
-pub(super) struct Gradients {
-    pub(super) weight: Vec<f32>,
-    pub(super) bias: Vec<f32>,
-}
 
 /// The convolutions of one picture size.
 #[derive(Clone, Debug)]
@@ -74,13 +59,8 @@ impl Stack {
         let kept_layers = if keep { &self.layers[..] } else { &self.layers[self.layers.len() - 1..] };
         let mut kept: Vec<Buffer> =
             kept_layers.iter().map(|layer| Buffer::stale(frames * layer.output_len())).collect();
-        let mut work: Vec<(&[u8], Vec<&mut [f32]>)> =
-            bytes.chunks(CHUNK * self.frame_bytes()).map(|bytes| (bytes, Vec::new())).collect();
-        for (layer, kept) in kept_layers.iter().zip(&mut kept) {
-            for ((_, outputs), kept) in work.iter_mut().zip(kept.chunks_mut(CHUNK * layer.output_len())) {
-                outputs.push(kept);
-            }
-        }
+        let outputs = kept.iter_mut().zip(kept_layers.iter().map(Layer::output_len));
+        let work = dealt(bytes, self.frame_bytes(), CHUNK, outputs);
         work.into_par_iter().for_each(|(bytes, outputs)| self.forward_chunk(bytes, given, &panels, outputs));
         kept
     }

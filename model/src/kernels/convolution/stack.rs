@@ -9,26 +9,11 @@ use rayon::prelude::*;
 
 use super::geometry::{Layer, Planes};
 use super::{pixels, weights, winograd};
+use crate::kernels::layered::{Gradients, SHARES, Weights, dealt};
 use crate::kernels::{instructions::Instructions, memory::Buffer};
 
 /// Frames of one piece of forward work.
 const CHUNK: usize = 64;
-/// Shares of the backward pass, each with its own sums of weight gradients.
-const SHARES: usize = 8;
-
-/// One layer's weight `[out, in, 4, 4]` and bias.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Weights<'a> {
-    pub(super) weight: &'a [f32],
-    pub(super) bias: &'a [f32],
-}
-
-/// Gradients of one layer, in the order of [`Weights`].
-#[derive(Debug)]
-pub(super) struct Gradients {
-    pub(super) weight: Vec<f32>,
-    pub(super) bias: Vec<f32>,
-}
 
 /// The convolutions of one image size.
 #[derive(Clone, Debug)]
@@ -64,13 +49,8 @@ impl Stack {
         let planes = self.planes(given, false);
         let mut kept: Vec<Buffer> =
             self.layers.iter().map(|layer| Buffer::stale(frames * layer.output_len())).collect();
-        let mut work: Vec<(&[u8], Vec<&mut [f32]>)> =
-            bytes.chunks(CHUNK * self.frame_bytes()).map(|bytes| (bytes, Vec::new())).collect();
-        for (layer, kept) in self.layers.iter().zip(&mut kept) {
-            for ((_, outputs), kept) in work.iter_mut().zip(kept.chunks_mut(CHUNK * layer.output_len())) {
-                outputs.push(kept);
-            }
-        }
+        let outputs = kept.iter_mut().zip(self.layers.iter().map(Layer::output_len));
+        let work = dealt(bytes, self.frame_bytes(), CHUNK, outputs);
         work.into_par_iter().for_each(|(bytes, mut outputs)| {
             let frames = bytes.len() / self.frame_bytes();
             self.forward_to(self.layers.len() - 1, [0, frames], bytes, &mut outputs, &planes);

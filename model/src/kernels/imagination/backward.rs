@@ -5,12 +5,9 @@
 use super::super::instructions::Instructions;
 use super::super::product::PANEL;
 use super::super::recurrence::{logistic, tanh};
-use super::super::sheet::{Sheet, panels, through_elu};
+use super::super::sheet::{LayerGradients, Sheet, panels, through_elu};
 use super::forward::{Given, Lane, Packed, Sizes, draw, moments, unit};
 use crate::actions::{ActionDistribution, RAW_FIVE};
-
-/// Gradients of weight and bias of the actor's three layers.
-pub(super) type ActorGradients = [(Vec<f32>, Vec<f32>); 3];
 
 /// Gradients that are carried from a step to the one before.
 struct Carried {
@@ -33,7 +30,7 @@ pub(super) fn lane_backward(
     lane: &Lane,
     rows: &[f32],
     instructions: Instructions,
-) -> ActorGradients {
+) -> LayerGradients {
     let (count, horizon) = (lane.count, sizes.horizon);
     let sheet = |panels: usize| Sheet::zeros(panels, count);
     let mut carried = Carried {
@@ -237,7 +234,7 @@ fn gates(after: &[f32], [resets, updates, candidates, inners]: [&[f32]; 4], befo
 }
 
 /// All steps at once: from the actor's outputs to its weights.
-fn learn(sizes: Sizes, packed: &Packed, lane: &Lane, outputs: Sheet, instructions: Instructions) -> ActorGradients {
+fn learn(sizes: Sizes, packed: &Packed, lane: &Lane, outputs: Sheet, instructions: Instructions) -> LayerGradients {
     let (count, width) = (outputs.rows(), panels(sizes.actor));
     let mut two = Sheet::stale(width, count);
     packed.actor[2].backward((&outputs, 0), (&mut two, 0, 0), count, false, instructions);

@@ -5,41 +5,38 @@
 
 use std::sync::Arc;
 
-use burn::backend::autodiff::{
-    checkpoint::{base::Checkpointer, strategy::NoCheckpointing},
-    grads,
-    ops::{Backward, Ops, OpsKind},
-};
-use burn::backend::{Autodiff, Flex};
 use burn::tensor::Tensor;
 use burn_flex::FlexTensor;
 use rayon::prelude::*;
 
-use super::backward::{ActorGradients, lane_backward};
+use super::backward::lane_backward;
 use super::forward::{Given, Lane, Packed, ROWS, Sizes};
 use super::{ActorWeights, Beginning, Imagined, WorldWeights};
-use crate::kernels::flex::{self, Followed};
+use crate::kernels::LayerWeights;
+use crate::kernels::flex;
 use crate::kernels::instructions::Instructions;
-use crate::kernels::perceptron::LayerWeights;
-use crate::kernels::sheet::Dense;
+use crate::kernels::operation::{Operand, Operation, run};
+use crate::kernels::sheet::{Dense, LayerGradients, add};
+
+/// Weight and bias of a layer that is held fixed.
+type Fixed = (FlexTensor, FlexTensor);
 
 /// Everything but the actor's weights.
 #[derive(Clone, Debug)]
-struct Input {
+struct Imagination {
     sizes: Sizes,
     /// states, latents, noise of actions, noise of latents
     given: [FlexTensor; 4],
+    /// Of the reward's three layers, the dynamics' input and hidden state, and its head's three layers.
+    world: [Fixed; 8],
     instructions: Instructions,
 }
 
-/// What the backward pass needs.
-#[derive(Clone, Debug)]
+/// The weights as the kernels read them, and what each lane computed.
+#[derive(Debug)]
 struct Kept {
-    input: Input,
-    /// Weight and bias of the actor's layers, for their shapes.
-    actor: [FlexTensor; 6],
-    packed: Arc<Packed>,
-    lanes: Arc<Vec<Lane>>,
+    packed: Packed,
+    lanes: Vec<Lane>,
 }
 
 /// See [`imagination`](super::imagination()); with given instructions.
@@ -75,32 +72,15 @@ pub(super) fn imagination(
         flex::unfollowed(action_noise.inner())?,
         flex::unfollowed(latent_noise.inner())?,
     ];
-    let input = Input { sizes, given, instructions };
-    let [(w1, b1), (w2, b2), (w3, b3)] = actor.layers.clone();
-    let devices = [w1.device(), b1.device(), w2.device(), b2.device(), w3.device(), b3.device()];
-    let packed = if devices.iter().any(burn::tensor::Device::is_autodiff) {
-        let tensors = [
-            flex::followed(w1)?,
-            flex::followed(b1)?,
-            flex::followed(w2)?,
-            flex::followed(b2)?,
-            flex::followed(w3)?,
-            flex::followed(b3)?,
-        ];
-        Tensor::<3>::from_primitive::<Autodiff<Flex>>(record(input, world, tensors)?)
-    } else {
-        let tensors = [
-            flex::unfollowed(w1)?,
-            flex::unfollowed(b1)?,
-            flex::unfollowed(w2)?,
-            flex::unfollowed(b2)?,
-            flex::unfollowed(w3)?,
-            flex::unfollowed(b3)?,
-        ];
-        let packed = pack(sizes, world, &tensors, false)?;
-        let (out, _) = input.forward(&packed);
-        Tensor::<3>::from_primitive::<Flex>(out)
+    let fixed = |(weight, bias): &LayerWeights| {
+        Some((flex::unfollowed(weight.clone().inner())?, flex::unfollowed(bias.clone().inner())?))
     };
+    let ([r1, r2, r3], [input, state], [h1, h2, h3]) = (&world.reward, &world.gru, &world.head);
+    let world = [fixed(r1)?, fixed(r2)?, fixed(r3)?, fixed(input)?, fixed(state)?, fixed(h1)?, fixed(h2)?, fixed(h3)?];
+    let [(w1, b1), (w2, b2), (w3, b3)] = actor.layers.clone();
+    let actor =
+        [Operand::of(w1)?, Operand::of(b1)?, Operand::of(w2)?, Operand::of(b2)?, Operand::of(w3)?, Operand::of(b3)?];
+    let packed: Tensor<3> = run(Imagination { sizes, given, world, instructions }, actor)?;
     let seen = hidden + latent;
     Some(Imagined {
         features: packed.clone().narrow(2, 0, seen),
@@ -109,53 +89,42 @@ pub(super) fn imagination(
     })
 }
 
-/// Runs forward and records the backward step.
-fn record(input: Input, world: &WorldWeights, tensors: [Followed; 6]) -> Option<Followed> {
-    let nodes = tensors.each_ref().map(Followed::node);
-    let actor = tensors.map(|tensor| tensor.into_primitive().to_contiguous());
-    let packed = pack(input.sizes, world, &actor, true)?;
-    let (out, lanes) = input.forward(&packed);
-    Some(match Imagination.prepare::<NoCheckpointing>(nodes).compute_bound().stateful() {
-        OpsKind::Tracked(prepared) => {
-            let (packed, lanes) = (Arc::new(packed), Arc::new(lanes));
-            prepared.finish(Kept { input, actor, packed, lanes }, out)
+impl Imagination {
+    fn pack(&self, actor: &[FlexTensor; 6], with_backward: bool) -> Packed {
+        let Sizes { hidden, latent, actions, .. } = self.sizes;
+        let (width, reward, head, gates) = (self.sizes.actor, self.sizes.reward, self.sizes.head, [hidden; 3]);
+        let dense = |weight: &FlexTensor, bias: &FlexTensor, ins: &[usize], outs: &[usize]| {
+            Dense::pack(flex::numbers(weight), flex::numbers(bias), ins, outs, with_backward)
+        };
+        let own =
+            |layer: usize, ins: &[usize], outs: &[usize]| dense(&actor[2 * layer], &actor[2 * layer + 1], ins, outs);
+        let fixed = |layer: usize, ins: &[usize], outs: &[usize]| {
+            let (weight, bias) = &self.world[layer];
+            dense(weight, bias, ins, outs)
+        };
+        Packed {
+            actor: [
+                own(0, &[hidden, latent], &[width]),
+                own(1, &[width], &[width]),
+                own(2, &[width], &[actions, actions]),
+            ],
+            reward: [
+                fixed(0, &[latent, actions], &[reward]),
+                fixed(1, &[reward], &[reward]),
+                fixed(2, &[reward], &[2]),
+            ],
+            input: fixed(3, &[latent, actions], &gates),
+            hidden: fixed(4, &[hidden], &gates),
+            head: [fixed(5, &[hidden], &[head]), fixed(6, &[head], &[head]), fixed(7, &[head], &[latent, 1])],
         }
-        OpsKind::UnTracked(prepared) => prepared.finish(out),
-    })
-}
+    }
 
-fn pack(sizes: Sizes, world: &WorldWeights, actor: &[FlexTensor; 6], with_backward: bool) -> Option<Packed> {
-    let Sizes { hidden, latent, actions, .. } = sizes;
-    let dense = |(weight, bias): &LayerWeights, ins: &[usize], outs: &[usize]| {
-        let weight = flex::unfollowed(weight.clone().inner())?;
-        let bias = flex::unfollowed(bias.clone().inner())?;
-        Some(Dense::pack(flex::numbers(&weight), flex::numbers(&bias), ins, outs, with_backward))
-    };
-    let perceptron = |layers: &[LayerWeights; 3], ins: &[usize], width: usize, outs: &[usize]| {
-        let [one, two, three] = layers;
-        Some([dense(one, ins, &[width])?, dense(two, &[width], &[width])?, dense(three, &[width], outs)?])
-    };
-    let own = |layer: usize, ins: &[usize], outs: &[usize]| {
-        let [weight, bias] = [0, 1].map(|offset| flex::numbers(&actor[2 * layer + offset]));
-        Dense::pack(weight, bias, ins, outs, with_backward)
-    };
-    let (width, gates) = (sizes.actor, [hidden; 3]);
-    Some(Packed {
-        actor: [own(0, &[hidden, latent], &[width]), own(1, &[width], &[width]), own(2, &[width], &[actions, actions])],
-        reward: perceptron(&world.reward, &[latent, actions], sizes.reward, &[2])?,
-        input: dense(&world.gru[0], &[latent, actions], &gates)?,
-        hidden: dense(&world.gru[1], &[hidden], &gates)?,
-        head: perceptron(&world.head, &[hidden], sizes.head, &[latent, 1])?,
-    })
-}
-
-impl Input {
     fn given(&self) -> Given<'_> {
         let [states, latents, action_noise, latent_noise] = self.given.each_ref().map(flex::numbers);
         Given { states, latents, action_noise, latent_noise }
     }
 
-    fn forward(&self, packed: &Packed) -> (FlexTensor, Vec<Lane>) {
+    fn imagined(&self, packed: &Packed) -> (FlexTensor, Vec<Lane>) {
         let (sizes, given) = (self.sizes, self.given());
         let starts: Vec<usize> = (0..sizes.rows).step_by(ROWS).collect();
         let lanes: Vec<Lane> = starts
@@ -184,31 +153,24 @@ impl Input {
     }
 }
 
-/// The backward step.
-#[derive(Debug)]
-struct Imagination;
+impl Operation<6> for Imagination {
+    type Kept = Arc<Kept>;
 
-impl Backward<Flex, 6> for Imagination {
-    type State = Kept;
+    /// Weight and bias of each of the actor's layers.
+    fn forward(&self, actor: &[FlexTensor; 6], keep: bool) -> Option<(FlexTensor, Self::Kept)> {
+        let packed = self.pack(actor, keep);
+        let (out, lanes) = self.imagined(&packed);
+        Some((out, Arc::new(Kept { packed, lanes })))
+    }
 
-    fn backward(self, ops: Ops<Kept, 6>, gradients: &mut grads::Gradients, _: &mut Checkpointer) {
-        let Kept { input, actor, packed, lanes } = ops.state;
-        let rows = gradients.consume::<Flex>(&ops.node).to_contiguous();
-        let (rows, given) = (flex::numbers(&rows), input.given());
-        let found: Vec<ActorGradients> = lanes
-            .par_iter()
-            .map(|lane| lane_backward(input.sizes, &packed, given, lane, rows, input.instructions))
-            .collect();
+    fn backward(&self, _: &[FlexTensor; 6], kept: &Self::Kept, output: &[f32], _: [bool; 6]) -> [Vec<f32>; 6] {
+        let given = self.given();
+        let of = |lane| lane_backward(self.sizes, &kept.packed, given, lane, output, self.instructions);
+        let found: Vec<LayerGradients> = kept.lanes.par_iter().map(of).collect();
         let mut lanes = found.into_iter();
-        let Some(mut all) = lanes.next() else { return };
-        for lane in lanes {
-            for ((weight, bias), (more_weight, more_bias)) in all.iter_mut().zip(lane) {
-                weight.iter_mut().zip(more_weight).for_each(|(sum, more)| *sum += more);
-                bias.iter_mut().zip(more_bias).for_each(|(sum, more)| *sum += more);
-            }
-        }
-        let parents = ops.parents.iter().map(|parent| parent.as_ref().map(|parent| parent.id));
+        let Some(mut all) = lanes.next() else { return Default::default() };
+        lanes.for_each(|lane| add(&mut all, &lane));
         let [one, two, three] = all;
-        flex::register(gradients, parents, &actor, [one.0, one.1, two.0, two.1, three.0, three.1]);
+        [one.0, one.1, two.0, two.1, three.0, three.1]
     }
 }

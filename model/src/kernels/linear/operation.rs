@@ -5,34 +5,20 @@
 
 use std::sync::Arc;
 
-use burn::backend::autodiff::{
-    checkpoint::{base::Checkpointer, strategy::NoCheckpointing},
-    grads,
-    ops::{Backward, Ops, OpsKind},
-};
-use burn::backend::{Autodiff, Flex};
 use burn::tensor::Tensor;
 use burn_flex::FlexTensor;
 
-use crate::kernels::flex::{self, Followed};
+use crate::kernels::flex;
 use crate::kernels::instructions::Instructions;
+use crate::kernels::operation::{Operand, Operation, run};
 use crate::kernels::sheet::{Dense, Sheet};
 
+/// The layer's sizes, and with which instructions it runs.
 #[derive(Debug, Clone, Copy)]
-struct Sizes {
+struct Linear {
     rows: usize,
     input: usize,
     output: usize,
-}
-
-/// What the backward pass needs.
-#[derive(Clone, Debug)]
-struct Kept {
-    sizes: Sizes,
-    /// `x`, weight, bias; only their shapes are needed.
-    tensors: [FlexTensor; 3],
-    layer: Arc<Dense>,
-    x: Arc<Sheet>,
     instructions: Instructions,
 }
 
@@ -48,62 +34,38 @@ pub(super) fn linear(
 ) -> Option<Tensor<2>> {
     let ([rows, input], [inputs, output]) = (x.dims(), weight.dims());
     assert_eq!((inputs, bias.dims()), (input, [output]), "weights [input, output] and a bias for every output");
-    let sizes = Sizes { rows, input, output };
-    if [x.device(), weight.device(), bias.device()].iter().any(burn::tensor::Device::is_autodiff) {
-        let tensors = [flex::followed(x)?, flex::followed(weight)?, flex::followed(bias)?];
-        return Some(Tensor::from_primitive::<Autodiff<Flex>>(record(sizes, tensors, instructions)));
+    let linear = Linear { rows, input, output, instructions };
+    run(linear, [Operand::of(x)?, Operand::of(weight)?, Operand::of(bias)?])
+}
+
+impl Operation<3> for Linear {
+    type Kept = Arc<(Dense, Sheet)>;
+
+    fn forward(&self, [x, weight, bias]: &[FlexTensor; 3], keep: bool) -> Option<(FlexTensor, Self::Kept)> {
+        let Self { rows, input, output, instructions } = *self;
+        let layer = Dense::pack(flex::numbers(weight), flex::numbers(bias), &[input], &[output], keep);
+        let x = Sheet::of(flex::numbers(x), rows, input);
+        let out = layer.forward_everywhere(&x, instructions);
+        Some((flex::tensor(out.numbers(output), [rows, output]), Arc::new((layer, x))))
     }
-    let tensors = [flex::unfollowed(x)?, flex::unfollowed(weight)?, flex::unfollowed(bias)?];
-    let (out, ..) = forward(sizes, &tensors, false, instructions);
-    Some(Tensor::from_primitive::<Flex>(out))
-}
 
-fn forward(
-    Sizes { rows, input, output }: Sizes,
-    [x, weight, bias]: &[FlexTensor; 3],
-    with_backward: bool,
-    instructions: Instructions,
-) -> (FlexTensor, Dense, Sheet) {
-    let layer = Dense::pack(flex::numbers(weight), flex::numbers(bias), &[input], &[output], with_backward);
-    let x = Sheet::of(flex::numbers(x), rows, input);
-    let out = layer.forward_everywhere(&x, instructions);
-    (flex::tensor(out.numbers(output), [rows, output]), layer, x)
-}
-
-/// Runs forward and records the backward step.
-fn record(sizes: Sizes, tensors: [Followed; 3], instructions: Instructions) -> Followed {
-    let nodes = tensors.each_ref().map(Followed::node);
-    let tensors = tensors.map(|tensor| tensor.into_primitive().to_contiguous());
-    let (out, layer, x) = forward(sizes, &tensors, true, instructions);
-    match Linear.prepare::<NoCheckpointing>(nodes).compute_bound().stateful() {
-        OpsKind::Tracked(prepared) => {
-            prepared.finish(Kept { sizes, tensors, layer: Arc::new(layer), x: Arc::new(x), instructions }, out)
-        }
-        OpsKind::UnTracked(prepared) => prepared.finish(out),
-    }
-}
-
-/// The backward step.
-#[derive(Debug)]
-struct Linear;
-
-impl Backward<Flex, 3> for Linear {
-    type State = Kept;
-
-    fn backward(self, ops: Ops<Kept, 3>, gradients: &mut grads::Gradients, _: &mut Checkpointer) {
-        let Kept { sizes, tensors, layer, x, instructions } = ops.state;
-        let out = gradients.consume::<Flex>(&ops.node).to_contiguous();
-        let out = Sheet::of(flex::numbers(&out), sizes.rows, sizes.output);
-        let is_wanted = |parent: usize| ops.parents[parent].is_some();
-        let found_x = match is_wanted(0) {
-            true => layer.backward_everywhere(&out, instructions).numbers(sizes.input),
+    fn backward(
+        &self,
+        _: &[FlexTensor; 3],
+        kept: &Self::Kept,
+        output: &[f32],
+        [wants_x, wants_weight, wants_bias]: [bool; 3],
+    ) -> [Vec<f32>; 3] {
+        let ((layer, x), instructions) = (&**kept, self.instructions);
+        let output = Sheet::of(output, self.rows, self.output);
+        let found_x = match wants_x {
+            true => layer.backward_everywhere(&output, instructions).numbers(self.input),
             false => Vec::new(),
         };
-        let (weight, bias) = match is_wanted(1) || is_wanted(2) {
-            true => layer.learn_everywhere(&x, &out, instructions),
+        let (weight, bias) = match wants_weight || wants_bias {
+            true => layer.learn_everywhere(x, &output, instructions),
             false => (Vec::new(), Vec::new()),
         };
-        let parents = ops.parents.iter().map(|parent| parent.as_ref().map(|parent| parent.id));
-        flex::register(gradients, parents, &tensors, [found_x, weight, bias]);
+        [found_x, weight, bias]
     }
 }

@@ -36,7 +36,7 @@ fn it_is_the_composition_of_plain_operations_in_both_passes() {
             )
         });
         let weights: Tensor<2> = random([rows, widths[3]], 1.0, &mut rng, &device).inner();
-        let wanted = plain(x.clone(), layers.clone());
+        let wanted = plain::perceptron(x.clone(), layers.clone());
         let mut gradients = (wanted.clone() * weights.clone()).sum().backward();
         let take = |x: &Tensor<2>, layers: &[LayerWeights; 3], gradients: &mut burn::tensor::Gradients| {
             let mut all = vec![to_values(x.grad_remove(gradients).unwrap())];
@@ -72,6 +72,6 @@ fn a_fixed_perceptron_passes_gradients_to_its_input_alone() {
         (random(shape, 0.5, &mut rng, &device).inner(), random([shape[1]], 0.5, &mut rng, &device).inner())
     });
     let found = x.grad(&perceptron(x.clone(), layers.clone()).sum().backward()).unwrap();
-    let wanted = x.grad(&plain(x.clone(), layers).sum().backward()).unwrap();
+    let wanted = x.grad(&plain::perceptron(x.clone(), layers).sum().backward()).unwrap();
     close(&to_values(found), &to_values(wanted), "input");
 }

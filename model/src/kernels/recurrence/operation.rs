@@ -4,34 +4,20 @@
 
 use std::sync::Arc;
 
-use burn::backend::autodiff::{
-    checkpoint::{base::Checkpointer, strategy::NoCheckpointing},
-    grads,
-    ops::{Backward, Ops, OpsKind},
-};
-use burn::backend::{Autodiff, Flex};
 use burn::tensor::Tensor;
 use burn_flex::FlexTensor;
 
 use super::sequence::{self, Inputs, Lane, Sizes};
-use crate::kernels::flex::{self, Followed};
+use crate::kernels::flex;
 use crate::kernels::instructions::Instructions;
+use crate::kernels::operation::{Operand, Operation, run};
 
-/// What the GRU reads, and with which instructions.
+/// The sizes, where states are kept, and with which instructions it runs.
 #[derive(Clone, Debug)]
-struct Input {
+struct Gru {
     sizes: Sizes,
-    /// gates, weight, bias, initial
-    tensors: [FlexTensor; 4],
     keep: Option<FlexTensor>,
     instructions: Instructions,
-}
-
-/// What the backward pass needs.
-#[derive(Clone, Debug)]
-struct Kept {
-    input: Input,
-    lanes: Arc<Vec<Lane>>,
 }
 
 /// See [`gru`](super::gru); with given instructions.
@@ -62,56 +48,34 @@ pub(super) fn gru(
         }
         None => None,
     };
-    let devices = [gates.device(), weight.device(), bias.device(), initial.device()];
-    if devices.iter().any(burn::tensor::Device::is_autodiff) {
-        let tensors =
-            [flex::followed(gates)?, flex::followed(weight)?, flex::followed(bias)?, flex::followed(initial)?];
-        return Some(Tensor::from_primitive::<Autodiff<Flex>>(record(sizes, tensors, keep, instructions)));
-    }
-    let tensors =
-        [flex::unfollowed(gates)?, flex::unfollowed(weight)?, flex::unfollowed(bias)?, flex::unfollowed(initial)?];
-    let (states, _) = Input { sizes, tensors, keep, instructions }.forward();
-    Some(Tensor::from_primitive::<Flex>(states))
+    let operands = [Operand::of(gates)?, Operand::of(weight)?, Operand::of(bias)?, Operand::of(initial)?];
+    run(Gru { sizes, keep, instructions }, operands)
 }
 
-/// Runs forward and records the backward step.
-fn record(sizes: Sizes, tensors: [Followed; 4], keep: Option<FlexTensor>, instructions: Instructions) -> Followed {
-    let nodes = tensors.each_ref().map(Followed::node);
-    let tensors = tensors.map(|tensor| tensor.into_primitive().to_contiguous());
-    let input = Input { sizes, tensors, keep, instructions };
-    let (states, lanes) = input.forward();
-    match Gru.prepare::<NoCheckpointing>(nodes).compute_bound().stateful() {
-        OpsKind::Tracked(prepared) => prepared.finish(Kept { input, lanes: Arc::new(lanes) }, states),
-        OpsKind::UnTracked(prepared) => prepared.finish(states),
-    }
-}
-
-impl Input {
-    fn inputs(&self) -> Inputs<'_> {
-        let [gates, weight, bias, initial] = self.tensors.each_ref().map(flex::numbers);
+impl Gru {
+    fn inputs<'a>(&'a self, tensors: &'a [FlexTensor; 4]) -> Inputs<'a> {
+        let [gates, weight, bias, initial] = tensors.each_ref().map(flex::numbers);
         Inputs { gates, weight, bias, initial, keep: self.keep.as_ref().map(flex::numbers) }
     }
-
-    fn forward(&self) -> (FlexTensor, Vec<Lane>) {
-        let Sizes { length, batch, hidden } = self.sizes;
-        let (states, lanes) = sequence::forward(self.sizes, self.inputs(), self.instructions);
-        (flex::tensor(states, [length, batch, hidden]), lanes)
-    }
 }
 
-/// The backward step.
-#[derive(Debug)]
-struct Gru;
+impl Operation<4> for Gru {
+    type Kept = Arc<Vec<Lane>>;
 
-impl Backward<Flex, 4> for Gru {
-    type State = Kept;
+    fn forward(&self, tensors: &[FlexTensor; 4], _keep: bool) -> Option<(FlexTensor, Self::Kept)> {
+        let Sizes { length, batch, hidden } = self.sizes;
+        let (states, lanes) = sequence::forward(self.sizes, self.inputs(tensors), self.instructions);
+        Some((flex::tensor(states, [length, batch, hidden]), Arc::new(lanes)))
+    }
 
-    fn backward(self, ops: Ops<Kept, 4>, gradients: &mut grads::Gradients, _: &mut Checkpointer) {
-        let Kept { input, lanes } = ops.state;
-        let states = gradients.consume::<Flex>(&ops.node).to_contiguous();
-        let found = sequence::backward(input.sizes, input.inputs(), &lanes, flex::numbers(&states), input.instructions);
-        let parents = ops.parents.iter().map(|parent| parent.as_ref().map(|parent| parent.id));
-        let found = [found.gates, found.weight, found.bias, found.initial];
-        flex::register(gradients, parents, &input.tensors, found);
+    fn backward(
+        &self,
+        tensors: &[FlexTensor; 4],
+        lanes: &Self::Kept,
+        output: &[f32],
+        _wanted: [bool; 4],
+    ) -> [Vec<f32>; 4] {
+        let found = sequence::backward(self.sizes, self.inputs(tensors), lanes, output, self.instructions);
+        [found.gates, found.weight, found.bias, found.initial]
     }
 }

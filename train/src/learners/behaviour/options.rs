@@ -3,8 +3,8 @@
 use burn::tensor::{Device, Tensor, TensorData};
 use serde::{Deserialize, Serialize};
 use vibes_model::actions::ActionDistribution;
-use vibes_model::actor::BehaviourConfig;
-use vibes_model::critic::ValueDistribution;
+use vibes_model::config::BehaviourConfig;
+use vibes_model::values::ValueDistribution;
 
 use crate::error::{Result, TrainError};
 

@@ -9,6 +9,7 @@ use vibes_model::{Model, ModelConfig};
 use vibes_model::actions::noise;
 
 use super::*;
+use crate::error::TrainError;
 
 const LENGTH: usize = 4;
 const BATCH: usize = 6;

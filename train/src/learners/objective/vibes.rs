@@ -23,9 +23,9 @@ use vibes_model::observe::Frames;
 use super::action_baseline::ActionBaseline;
 use super::{Condition, Definition, Networks, Pictures, Rival, Value, Weights};
 use crate::error::{Result, TrainError};
+use crate::learners::number::{finite, scalar};
 use crate::learners::optimizer::{NamedGradients, Optimizer};
 use crate::learners::scene::{Predictions, Scene};
-use crate::learners::world::{finite, scalar};
 use crate::options::Options;
 use crate::options::own::{Declared, Kind};
 

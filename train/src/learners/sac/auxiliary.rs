@@ -9,8 +9,7 @@ use vibes_model::sac::SacNetworks;
 use vibes_model::sac::networks::Transition;
 
 use super::options::{Auxiliary, SacOptions};
-use super::transitions::Transitions;
-use super::update::partners;
+use super::transitions::{Transitions, partners};
 use crate::error::{Result, TrainError};
 use crate::learners::losses::dbc::NextLatent;
 use crate::learners::losses::{contrast, dbc, mico, simsr, transition};

@@ -16,8 +16,8 @@ use vibes_model::sac::SacNetworks;
 
 use super::update::{Optimizers, SacLearner};
 use crate::error::{Result, TrainError, io, malformed};
+use crate::json::write_json;
 use crate::learners::optimizer::Optimizer;
-use crate::run::write_json;
 
 /// The networks' file in a checkpoint's folder.
 pub const NETWORKS: &str = "sac.safetensors";

@@ -3,6 +3,7 @@
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use rand::Rng;
+use rand::seq::SliceRandom;
 use vibes_data::WindowBatch;
 use vibes_model::kernels::pixel_tensor;
 use vibes_model::sac::SacConfig;
@@ -112,6 +113,13 @@ fn views(stacks: &[u8], shape: [usize; 3], augment: Augment, rng: &mut impl Rng,
     }
     let rows = stacks.len() / stack.max(1);
     pixel_tensor(out, [rows, size[0], size[1], channels], device)
+}
+
+/// A random permutation of rows.
+pub(super) fn partners(rows: usize, rng: &mut impl Rng) -> Vec<i32> {
+    let mut partners: Vec<i32> = (0..rows as i32).collect();
+    partners.shuffle(rng);
+    partners
 }
 
 #[cfg(test)]

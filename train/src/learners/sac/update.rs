@@ -12,7 +12,6 @@
 use burn::module::Module;
 use burn::tensor::{Device, Int, Tensor};
 use rand::Rng;
-use rand::seq::SliceRandom;
 use vibes_model::actions::noise;
 use vibes_model::sac::SacNetworks;
 use vibes_model::slow::towards;
@@ -20,10 +19,11 @@ use vibes_model::slow::towards;
 use super::auxiliary::{Moment, auxiliary_loss};
 use super::options::SacOptions;
 use super::transitions::Transitions;
-use crate::error::{Result, TrainError};
+use crate::error::Result;
 use crate::learners::losses::actor_critic::{
     actor_loss, critic_loss, huber_critic_loss, over_views, soft_value, target, temperature_loss,
 };
+use crate::learners::number::{finite, scalar};
 use crate::learners::optimizer::{NamedGradients, Optimizer};
 
 /// Gradients are not limited.
@@ -162,10 +162,10 @@ impl SacLearner {
         for features in &features[1..] {
             loss = loss + of_view(features);
         }
-        measures.critic_loss = finite("the critics' loss", &loss)?;
+        measures.critic_loss = finite("the critics' loss", scalar(&loss))?;
         let moment = Moment { features: features[0].clone(), actions, batch, options };
         if let Some(auxiliary) = auxiliary_loss(&self.networks, &moment, &self.device, rng)? {
-            measures.auxiliary_loss = Some(finite("the auxiliary loss", &auxiliary)?);
+            measures.auxiliary_loss = Some(finite("the auxiliary loss", scalar(&auxiliary))?);
             loss = loss + auxiliary * options.auxiliary_weight as f32;
         }
         drop((moment, features));
@@ -194,7 +194,7 @@ impl SacLearner {
         let sample = actions.sample(Tensor::from_inner(noise([rows, width], rng, &self.device)));
         let log_prob = actions.log_prob(sample.normal).squeeze_dim::<1>(1);
         let loss = actor_loss(critic.values(features, sample.action), log_prob.clone(), temperature);
-        measures.actor_loss = Some(finite("the actor's loss", &loss)?);
+        measures.actor_loss = Some(finite("the actor's loss", scalar(&loss))?);
         measures.entropy = Some(-log_prob.clone().mean().into_scalar::<f32>());
         let gradients = NamedGradients::take(&actor, &mut loss.backward());
         self.networks.actor = Some(self.optimizers.actor.step(actor, gradients, options.lr, NO_CLIP));
@@ -215,16 +215,4 @@ impl SacLearner {
         self.networks.slow = towards(self.networks.slow, &self.networks.critic, rate);
         self
     }
-}
-
-/// A random permutation of rows.
-pub(super) fn partners(rows: usize, rng: &mut impl Rng) -> Vec<i32> {
-    let mut partners: Vec<i32> = (0..rows as i32).collect();
-    partners.shuffle(rng);
-    partners
-}
-
-fn finite(what: &'static str, loss: &Tensor<1>) -> Result<f32> {
-    let value = loss.clone().into_scalar::<f32>();
-    if value.is_finite() { Ok(value) } else { Err(TrainError::NotFinite { what, value }) }
 }

@@ -9,11 +9,11 @@ use vibes_model::sac::SacConfig;
 
 use super::State;
 use crate::error::{Result, TrainError, io, malformed};
+use crate::json::write_json;
 use crate::learners::sac::checkpoint::NETWORKS;
 use crate::learners::sac::options::{SacOptions, Size};
 use crate::learners::sac::update::SacLearner;
 use crate::online::options::OnlineOptions;
-use crate::run::write_json;
 
 /// The format's name in `model_free.json`.
 pub const FORMAT: &str = "vibes-model-free-run/1";
