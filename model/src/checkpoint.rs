@@ -92,7 +92,7 @@ pub fn copy_in_half(from: &Path, to: &Path) -> Result<(), ModelError> {
         views.push((name.as_str(), view));
     }
     let bytes = safetensors::serialize(views, Some(metadata)).map_err(|error| not_a_checkpoint(to, error))?;
-    fs::write(to, bytes).map_err(|source| ModelError::Io { path: to.to_owned(), action: "write", source })
+    fs::write(to, bytes).map_err(|cause| ModelError::Io { path: to.to_owned(), action: "write", cause })
 }
 
 /// Reads a safetensors file of tensors in single or half precision, and its metadata.
