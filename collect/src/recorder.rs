@@ -25,7 +25,7 @@ use vibes_env::render::check_drawing;
 use vibes_env::{EnvironmentOptions, Policy, PolicyMix, PolicySpec};
 use worker::Worker;
 
-/// What is told while a recording grows.
+/// How far a recording has grown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
     /// Episodes that are there.

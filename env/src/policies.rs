@@ -112,7 +112,7 @@ impl PolicySpec {
     }
 }
 
-/// A folder's name with a slash in it, by which a run is told from the name of a policy.
+/// A folder's name with a slash in it, by which a run differs from the name of a policy.
 fn as_folder(path: PathBuf) -> PathBuf {
     if path.components().count() > 1 || path.is_absolute() { path } else { Path::new(".").join(path) }
 }

@@ -23,7 +23,7 @@ impl Critic {
     pub fn init(model: &ModelConfig, config: BehaviourConfig, rng: &mut impl Rng, device: &Device) -> Self {
         let input = model.hidden + model.latent;
         let mlp = MlpConfig { input, hidden: config.hidden, output: config.values.width() }.init(rng, device);
-        Self { mlp: mlp.silenced(), distribution: config.values }
+        Self { mlp: mlp.last_zeroed(), distribution: config.values }
     }
 
     /// Which distribution its output stands for.

@@ -53,7 +53,7 @@ impl Mlp {
     }
 
     /// The network whose output is zero whatever it sees, and learns from there.
-    pub fn silenced(mut self) -> Self {
+    pub fn last_zeroed(mut self) -> Self {
         let last = self.last.clone();
         self.last = Linear {
             weight: last.weight.map(|weight| weight.zeros_like()),

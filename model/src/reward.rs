@@ -39,7 +39,7 @@ impl Reward {
         let std = (rewards.iter().map(|reward| (reward - mean).powi(2)).sum::<f32>() / count).sqrt();
         // The inverse of softplus, where the floor leaves anything to invert.
         let above = ((std - self.floor) / self.scale).max(1e-3);
-        let mut head = head.silenced();
+        let mut head = head.last_zeroed();
         let start = [mean / self.scale, above.exp_m1().ln()];
         head.last.bias = head.last.bias.map(|bias| Tensor::from_data(start, &bias.device()));
         head

@@ -40,7 +40,7 @@ struct Cli {
     device: device::DeviceName,
 }
 
-/// What every command is told beside its own options.
+/// What every command gets beside its own options.
 #[derive(Debug, Clone)]
 struct Context {
     verbose: bool,

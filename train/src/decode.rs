@@ -71,7 +71,7 @@ struct States {
     latent: Vec<f32>,
 }
 
-/// Fits a decoder on `fit` and draws strips of `show`; `listen` is told the updates made.
+/// Fits a decoder on `fit` and draws strips of `show`; `listen` gets the updates made.
 ///
 /// # Errors
 /// The recordings do not fit the model, hold no pictures, or the loss is no longer a number.

@@ -14,7 +14,7 @@ use crate::error::{Result, TrainError};
 /// Rows encoded at a time.
 const CHUNK: usize = 128;
 
-/// Writes the latents of every episode to `output`; `checkpoint` is the model's file, for the table's metadata. `listen` is told the number of rows done
+/// Writes the latents of every episode to `output`; `checkpoint` is the model's file, for the table's metadata. `listen` gets the number of rows done
 /// after every chunk.
 ///
 /// # Errors

@@ -15,7 +15,8 @@ use vibes_model::Model;
 use vibes_model::checkpoint::copy_in_half;
 
 use crate::error::{Result, TrainError, io};
-use crate::run::{Run, RunInfo, write_json};
+use crate::json::write_json;
+use crate::run::{Run, RunInfo};
 
 /// Most lines that are kept of a curve.
 const LINES: usize = 250;

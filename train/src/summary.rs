@@ -123,7 +123,7 @@ fn held_out(page: &mut String, evaluations: &[Json]) {
     );
 }
 
-/// How well rewards are told from (h, s) some steps ahead without pictures.
+/// How well rewards are predicted from (h, s) some steps ahead without pictures.
 fn open_loop(page: &mut String, last: &Json) {
     let row = |name: &str| {
         let cell = |ahead: &usize| number(last, &format!("{name}@{ahead}"), "/estimate");
@@ -132,7 +132,7 @@ fn open_loop(page: &mut String, last: &Json) {
     let rows = [("recorded", row("open_loop_reward_r2")), ("shuffled", row("open_loop_reward_r2_shuffled"))];
     let cells = |values: Vec<f64>| values.iter().map(|value| format!("{value:.3}")).collect::<Vec<_>>().join(" | ");
     let heads = AHEAD.map(|ahead| format!("{ahead} steps")).join(" | ");
-    push(page, &format!("\n| reward told open loop (R²) under actions that were | {heads} |"));
+    push(page, &format!("\n| reward predicted open loop (R²) under actions that were | {heads} |"));
     push(page, &format!("|---|{}", "---|".repeat(AHEAD.len())));
     for (name, values) in rows {
         push(page, &format!("| {name} | {} |", values.map_or_else(|| "– | – | – | –".to_owned(), cells)));

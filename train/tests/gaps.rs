@@ -55,7 +55,7 @@ fn heads_that_were_fitted_too_briefly_are_no_gap() {
     assert!(found.training.reward.critic > found.training.reward.model + 0.3, "{found:?}");
 }
 
-/// A model whose latents say nothing of the coin: the reward can be told from the picture, and never from (h, s, a).
+/// A model whose latents say nothing of the coin: the reward can be predicted from the picture, and never from (h, s, a).
 #[test]
 fn what_the_latents_lack_is_a_gap() {
     let folder = tempfile::tempdir().unwrap();

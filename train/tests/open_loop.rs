@@ -1,4 +1,4 @@
-//! The open-loop reward where its R² is known: what depends on the action alone can be told at any distance, and under other actions is told wrongly; what depends on a
+//! The open-loop reward where its R² is known: what depends on the action alone can be predicted at any distance, and under other actions is predicted wrongly; what depends on a
 //! coin that is still to be tossed cannot.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -59,7 +59,7 @@ impl Task for Cartpole {
         vec![part("position", 3), part("velocity", physics.qvel().len())]
     }
 
-    /// The pole's angle is 0 upright. Mirrored states need mirrored actions, so that the sides must be told apart: no symmetry.
+    /// The pole's angle is 0 upright. Mirrored states need mirrored actions, so that a latent must know the side: no symmetry.
     fn quantities(&self, _: &Physics) -> Vec<Quantity> {
         observed([
             "cart position",

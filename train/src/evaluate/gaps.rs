@@ -165,8 +165,8 @@ impl Correctors {
     fn new(model: &Model, device: &Device, rng: &mut ChaCha8Rng) -> Result<Self> {
         let config = &model.config;
         let mut adversary = Adversary::init(config, rng, device)?;
-        adversary.head = adversary.head.silenced();
-        let mut head = |input, output| MlpConfig { input, hidden: config.head, output }.init(rng, device).silenced();
+        adversary.head = adversary.head.last_zeroed();
+        let mut head = |input, output| MlpConfig { input, hidden: config.head, output }.init(rng, device).last_zeroed();
         let reward = head(config.hidden, 2);
         let own = config.hidden + config.latent + config.actions();
         let refitted = Refitted { dynamics: head(own, config.latent + 1), reward: head(own, 2) };

@@ -37,7 +37,7 @@ pub fn script(engine: Engine, plan: &str, folder: &str, runs: usize, jobs: usize
     }
 }
 
-/// A run that is told of the time limit saves and exits with 75; then its own element of the array is queued again, and goes on.
+/// A run that gets the signal of the time limit saves and exits with 75; then its own element of the array is queued again, and goes on.
 const SLURM: &str = r#"#!/usr/bin/env bash
 #SBATCH --job-name=vibes
 #SBATCH --array=0-LAST%JOBS

@@ -1,5 +1,5 @@
 //! Recordings made up for tests. At every step the state is a coin, shown as a bright or dark picture and as the sign of the observation; the action is
-//! another coin, and the reward of a step is their product, +1 or −1. Coins of different steps are independent, so a reward can be told from the state and
+//! another coin, and the reward of a step is their product, +1 or −1. Coins of different steps are independent, so a reward can be predicted from the state and
 //! action of its own step and from no other: rows out of line teach nothing.
 #![allow(
     dead_code,

@@ -31,7 +31,7 @@ fn world(seed: u64) -> World {
 /// A world whose every reward is `reward`.
 fn constant_world(reward: f32) -> World {
     let mut world = world(1);
-    world.reward.head = world.reward.head.silenced();
+    world.reward.head = world.reward.head.last_zeroed();
     let bias = world.reward.head.last.bias.clone();
     world.reward.head.last.bias = bias.map(|bias| Tensor::from_data([reward, 0.0], &bias.device()));
     world

@@ -1,4 +1,4 @@
-//! Contrastive losses: each row should be told from all others by its own partner. In: two sets of rows in the same order. Out: cross entropies with the
+//! Contrastive losses: each row should be recognised among all others by its own partner. In: two sets of rows in the same order. Out: cross entropies with the
 //! diagonal as label.
 
 use burn::tensor::Tensor;

@@ -1,4 +1,4 @@
-//! Multi-step inverse dynamics (AC-State, arXiv 2207.08229; ACRO, arXiv 2211.00164): the action taken at a step should be told from the latent there and the latent
+//! Multi-step inverse dynamics (AC-State, arXiv 2207.08229; ACRO, arXiv 2211.00164): the action taken at a step should be predicted from the latent there and the latent
 //! k steps later. Actions here are continuous: a normal distribution of variance 1 around the prediction, its constant left out.
 
 use burn::tensor::Tensor;

@@ -1,4 +1,4 @@
-//! What the next picture looks like, told from what the dynamics remember, among all pictures of the batch (apple/ml-core's form of next-feature contrast). No reward
+//! Which picture of the batch comes next, recognised from what the dynamics remember (apple/ml-core's form of next-feature contrast). No reward
 //! shapes the latents, and none of `CoRe`'s other terms is here.
 //!
 //! ```text
@@ -33,7 +33,7 @@ impl Definition for Contrastive {
     }
 
     fn about(&self) -> &'static str {
-        "the next picture's features told from those of all others, no reward (CoRe's contrastive term)"
+        "the next picture's features must be recognised among those of the whole batch, from what the dynamics remember; no reward (CoRe's contrastive term)"
     }
 
     fn networks(&self, options: &Options, _actions: usize) -> Networks {

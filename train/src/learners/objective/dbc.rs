@@ -38,7 +38,7 @@ impl Definition for Dbc {
     }
 
     fn about(&self) -> &'static str {
-        "latents as far apart, per dimension, as rewards and predicted next latents (deep bisimulation for control); raw latents"
+        "latents lie as far apart, per dimension, as rewards and predicted next latents differ (deep bisimulation for control); latents are not normalised"
     }
 
     fn options(&self) -> &'static [Declared] {

@@ -29,7 +29,7 @@ impl Definition for DeepMdp {
     }
 
     fn about(&self) -> &'static str {
-        "next latent and reward predicted from one step's latent and action (DeepMDP)"
+        "the next latent and the reward are predicted from one step's latent and action (DeepMDP)"
     }
 
     fn networks(&self, options: &Options, actions: usize) -> Networks {

@@ -40,7 +40,7 @@ impl Definition for KlConstraint {
     }
 
     fn about(&self) -> &'static str {
-        "reward predicted, the latents' divergence from their prediction held at a target (RePo)"
+        "the reward is predicted, and the latents' divergence from their prediction is held at a target (RePo)"
     }
 
     fn options(&self) -> &'static [Declared] {

@@ -28,7 +28,7 @@ impl Definition for Mico {
     }
 
     fn about(&self) -> &'static str {
-        "latents as far apart as rewards and next latents, by the MICo distance; raw latents"
+        "latents lie as far apart as rewards and next latents differ, by the MICo distance; latents are not normalised"
     }
 
     fn networks(&self, _options: &Options, _actions: usize) -> Networks {

@@ -1,4 +1,4 @@
-//! Which action was taken, told from the latent before it and the one some steps later, and nothing else (AC-State, arXiv 2207.08229; ACRO, arXiv 2211.00164). No reward
+//! Which action was taken, predicted from the latent before it and the one some steps later, and nothing else (AC-State, arXiv 2207.08229; ACRO, arXiv 2211.00164). No reward
 //! shapes the latents: they keep what actions move.
 //!
 //! ```text
@@ -39,7 +39,7 @@ impl Definition for MultiStepInverse {
     }
 
     fn about(&self) -> &'static str {
-        "the action told from its latent and one some steps later, no reward (AC-State, ACRO); the encoder sees no actions"
+        "the action taken is predicted from the latent there and the latent some steps later; no reward (AC-State, ACRO); the encoder sees no actions"
     }
 
     fn options(&self) -> &'static [Declared] {

@@ -22,7 +22,7 @@ impl Definition for NoAdversary {
     }
 
     fn about(&self) -> &'static str {
-        "dynamics and reward alone: the paper's ablation \"No Adv.\""
+        "the next latent and the reward are predicted, without an adversary: the paper's ablation \"No Adv.\""
     }
 
     fn networks(&self, _options: &Options, _actions: usize) -> Networks {

@@ -24,7 +24,7 @@ impl Definition for Reconstruction {
     }
 
     fn about(&self) -> &'static str {
-        "observation, dynamics and reward: the paper's ablation \"Recon.\""
+        "the observation, the next latent and the reward are predicted: the paper's ablation \"Recon.\""
     }
 
     fn networks(&self, _options: &Options, _actions: usize) -> Networks {

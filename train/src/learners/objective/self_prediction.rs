@@ -43,7 +43,7 @@ impl Definition for SelfPrediction {
     }
 
     fn about(&self) -> &'static str {
-        "later latents told by the dynamics run ahead, no reward (SPR); the encoder sees no actions"
+        "later latents are predicted by running the dynamics ahead; no reward (SPR); the encoder sees no actions"
     }
 
     fn options(&self) -> &'static [Declared] {

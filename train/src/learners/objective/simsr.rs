@@ -28,7 +28,7 @@ impl Definition for SimSr {
     }
 
     fn about(&self) -> &'static str {
-        "latents as far apart as rewards and sampled next latents, by their cosine (SimSR)"
+        "latents lie as far apart as rewards and sampled next latents differ, by their cosine (SimSR)"
     }
 
     fn networks(&self, _options: &Options, _actions: usize) -> Networks {

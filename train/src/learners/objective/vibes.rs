@@ -68,7 +68,7 @@ impl Definition for Vibes {
     }
 
     fn about(&self) -> &'static str {
-        "dynamics against an adversary that sees the whole history, and reward: the paper's equation 1"
+        "the next latent is predicted against an adversary that sees the whole history, and the reward: the paper's equation 1"
     }
 
     fn options(&self) -> &'static [Declared] {

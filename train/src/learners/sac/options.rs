@@ -19,7 +19,7 @@ use crate::error::{Result, TrainError};
 pub enum Auxiliary {
     /// Nothing.
     None,
-    /// Two views of the same stack are told from other stacks.
+    /// Two views of the same stack must be recognised among the views of other stacks.
     Curl,
     /// Next features and reward are predicted.
     #[serde(rename = "deepmdp")]
