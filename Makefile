@@ -71,14 +71,25 @@ gpu-test: setup ## the model on wgpu beside flex, and that cuda compiles; not in
 
 .PHONY: python python-test
 
-python: setup ## the Python package as a wheel that needs only numpy
-	python3 -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$(CARGO_TARGET_DIR)/wheels" ./python
+python: setup ## the Python package as a wheel that needs only numpy, under the manylinux tag that is true for it
+	@setup/wheel.sh
 
 PYTHON_TEST ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/vibes-toolkit/python-test
 
 python-test: build python ## the Python package with Gymnasium, dm_env, Stable-Baselines3, TorchRL and PyTorch, in an environment outside the clone
 	[ -x "$(PYTHON_TEST)/bin/pytest" ] || { python3 -m venv "$(PYTHON_TEST)" && "$(PYTHON_TEST)/bin/pip" install --quiet --requirement python/tests/requirements.txt; }
+# The wheel alone, with nothing but numpy beside it; a second environment, small and made anew.
+	python3 -m venv --clear "$(PYTHON_TEST)-numpy" && "$(PYTHON_TEST)-numpy/bin/pip" install --quiet --disable-pip-version-check "$(CARGO_TARGET_DIR)"/wheels/vibes-*.whl
+	cd python/tests && "$(PYTHON_TEST)-numpy/bin/python" numpy_alone.py
 	"$(PYTHON_TEST)/bin/pip" install --quiet --no-deps --force-reinstall "$(CARGO_TARGET_DIR)"/wheels/vibes-*.whl
 	cd python && "$(PYTHON_TEST)/bin/mypy" package
 	cd python && "$(PYTHON_TEST)/bin/pytest" -q
 	"$(PYTHON_TEST)/bin/python" notebooks/run.py 05
+
+.PHONY: sweep-test
+
+SWEEP_TEST ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/vibes-toolkit/sweep-test
+
+sweep-test: build ## the examples for Ray (two workers, one of which is killed), Optuna and W&B, with the real packages, in an environment outside the clone
+	[ -x "$(SWEEP_TEST)/bin/ray" ] || { python3 -m venv "$(SWEEP_TEST)" && "$(SWEEP_TEST)/bin/pip" install --quiet --requirement tests/sweep_engines.txt; }
+	"$(SWEEP_TEST)/bin/python" tests/sweep_engines.py

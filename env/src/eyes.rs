@@ -38,7 +38,7 @@ use crate::render::{RenderSettings, Renderer, undistracted};
 use crate::videos::VideoLibrary;
 use crate::{Environment, Result, Start};
 
-/// See the module. Stays on the thread that made it, as an OpenGL context does.
+/// See the module. Stays on its thread, as an OpenGL context does, unless it is used inside [`visiting`](crate::render::visiting).
 #[derive(Debug)]
 pub struct Eyes {
     environment: Environment,

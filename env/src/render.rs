@@ -1,7 +1,8 @@
 //! Drawing: from a state of the physics and the distractors' parameters to a picture.
 //!
-//! In: a model, positions, a [`View`] and the videos. Out: RGB, `[size, size, 3]`, row major from the top. One [`Renderer`] a thread; each has its
-//! own OpenGL context and its own copy of the model, so that what it changes there (materials, cameras) is seen by nobody else.
+//! In: a model, positions, a [`View`] and the videos. Out: RGB, `[size, size, 3]`, row major from the top. Each [`Renderer`] has its own OpenGL
+//! context and its own copy of the model, so that what it changes there (materials, cameras) is seen by nobody else. It stays on its thread unless it is
+//! used inside [`visiting`].
 //!
 //! Two looks: [`Look::Suite`] draws what the Distracting Control Suite draws; [`Look::Fast`] leaves out what costs most and shows least.
 
@@ -12,6 +13,7 @@ mod sky;
 mod speed;
 
 use std::fmt;
+use std::mem::ManuallyDrop;
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 
@@ -21,6 +23,7 @@ use serde::{Deserialize, Serialize};
 use vibes_data::BackgroundFrame;
 
 pub use difference::picture_difference;
+pub use egl::visiting;
 pub use scene::{CameraProbe, camera_start, material_colors, material_names, undistracted};
 pub use speed::{Speed, SpeedTrial, StageTimes};
 
@@ -115,10 +118,15 @@ pub struct Renderer {
     sky: Option<Sky>,
     stages: StageTimes,
     separate_stages: bool,
-    // Dropped in this order: what lies in the context first.
-    context: MjrContext,
+    // Dropped in this order, what lies in the context first, and only while it is current.
+    context: ManuallyDrop<MjrContext>,
     gl: EglContext,
 }
+
+// SAFETY: what lies in the OpenGL context is reached only by `new`, `draw` and `drop`, which make it current on their thread first. EGL refuses a context
+// that is current on another thread, and then nothing of it is touched.
+#[allow(unsafe_code, reason = "MuJoCo's context holds pointers")]
+unsafe impl Send for Renderer {}
 
 /// Whether this machine can draw at all: to be asked before anything is made for pictures.
 ///
@@ -157,7 +165,7 @@ impl Renderer {
             sky: None,
             stages: StageTimes::default(),
             separate_stages: false,
-            context,
+            context: ManuallyDrop::new(context),
             gl,
         })
     }
@@ -275,9 +283,13 @@ impl Renderer {
 }
 
 impl Drop for Renderer {
-    #[allow(unsafe_code, reason = "the texture's name in MuJoCo's context is put back")]
+    #[allow(
+        unsafe_code,
+        reason = "the texture's name in MuJoCo's context is put back, and the context is freed while it is current"
+    )]
     fn drop(&mut self) {
         if self.gl.make_current().is_err() {
+            // It is current elsewhere, and what lies in it stays until the process ends.
             return;
         }
         // SAFETY: the name is the one MuJoCo made and will free.
@@ -285,6 +297,8 @@ impl Drop for Renderer {
         if let Some(sky) = &mut self.sky {
             sky.delete();
         }
+        // SAFETY: its OpenGL context is current, and nothing looks at it afterwards.
+        unsafe { ManuallyDrop::drop(&mut self.context) };
     }
 }
 

@@ -1,35 +1,36 @@
 //! Environments with eyes, any number of them on any number of threads, behind one door.
 //!
-//! In: options, which episode each environment plays, actions `[environments, action]`. Out: rows: observations, pictures, rewards. Eyes stay on the
-//! thread that made them, as an OpenGL context does, so every thread keeps its own environments and is sent orders; one environment is the same
-//! with one thread. Python's threads may then call from wherever they like.
+//! In: options, which episode each environment plays, actions `[environments, action]`. Out: rows: observations, pictures, rewards. One environment
+//! is played on the thread that calls, so that nobody waits for another thread to wake up. Many are played by threads of their own, each of which
+//! takes the next environment that nobody has taken yet, so that a slow picture holds up none but its own. Python's threads may call from wherever
+//! they like: an OpenGL context is on a thread only while its environment is at work there.
 
 mod options;
 mod rows;
 mod slot;
-mod worker;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use vibes_data::Spec;
-use vibes_env::render::check_drawing;
+use vibes_env::render::{check_drawing, visiting};
 use vibes_env::videos::VideoLibrary;
 
 use crate::arrays::shaped;
-use crate::error::{affordable, refused, unlocked};
+use crate::error::{affordable, guarded, refused, unlocked};
 use crate::keeper::Keeper;
 use options::WorldOptions;
-use rows::Rows;
-use slot::EpisodeKey;
-use worker::{Order, Worker};
+use rows::{Place, Rows};
+use slot::{EpisodeKey, Slot};
 
 /// Most environments of one world.
 const MOST: usize = 1024;
 
-/// `environments` environments of one task on `threads` threads.
+/// `environments` environments of one task.
 #[pyclass(frozen, module = "vibes._vibes")]
 #[derive(Debug)]
 pub(crate) struct World {
@@ -39,7 +40,10 @@ pub(crate) struct World {
     episode_steps: u32,
     environments: usize,
     process: u32,
-    workers: Mutex<Vec<Worker>>,
+    /// One call at a time; none after the end.
+    slots: Mutex<Vec<Slot>>,
+    /// The threads; none where the caller's own does the work.
+    pool: Option<ThreadPool>,
 }
 
 #[pymethods]
@@ -51,29 +55,28 @@ impl World {
         if !(1..=MOST).contains(&environments) {
             return Err(refused(format!("{environments} environments; 1 to {MOST} are possible")));
         }
-        let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-        let threads = threads.unwrap_or_else(cores);
-        if threads == 0 {
+        let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        if threads == Some(0) {
             return Err(refused("0 threads; at least one is needed"));
         }
-        let threads = threads.min(environments);
+        let threads = threads.or((environments > 1).then_some(cores)).map(|threads| threads.min(environments));
         let bytes = options.size.map_or(0, |size| 3 * size as usize * size as usize);
         affordable("pictures [environments, bytes]", &[environments, bytes.max(1)])?;
         if options.size.is_some() {
             // With the interpreter's lock, and before there are threads: opening EGL sets a variable of the process's environment.
-            check_drawing().map_err(refused)?;
+            visiting(check_drawing).map_err(refused)?;
         }
         unlocked(py, || -> Result<Self, String> {
             let videos = Arc::new(options.open_videos().map_err(|error| error.to_string())?);
             let environment = options.environment().map_err(|error| error.to_string())?;
             let spec = options.spec(&environment);
             let episode_steps = environment.episode_steps();
-            // Shares differ by one at most.
-            let share = |thread: usize| environments / threads + usize::from(thread < environments % threads);
-            let workers = (0..threads).map(|thread| Worker::start(share(thread), &options, &videos));
-            let workers = workers.collect::<Result<Vec<_>, _>>()?;
-            let process = std::process::id();
-            Ok(Self { options, spec, videos, episode_steps, environments, process, workers: Mutex::new(workers) })
+            let pool = threads
+                .map(|threads| ThreadPoolBuilder::new().num_threads(threads).thread_name(|_| "vibes".into()).build());
+            let pool = pool.transpose().map_err(|error| format!("no threads for the environments: {error}"))?;
+            let open = || (0..environments).map(|_| Slot::open(&options, &videos)).collect::<vibes_env::Result<_>>();
+            let slots = Mutex::new(visiting(open).map_err(|error| error.to_string())?);
+            Ok(Self { options, spec, videos, episode_steps, environments, process: std::process::id(), slots, pool })
         })
     }
 
@@ -99,10 +102,10 @@ impl World {
         self.environments
     }
 
-    /// Number of threads.
+    /// Number of threads of its own; 0 where the thread that calls does the work.
     #[getter]
     fn threads(&self) -> usize {
-        self.lock().len()
+        self.pool.as_ref().map_or(0, ThreadPool::current_num_threads)
     }
 
     /// Begins episodes: for every environment none, or the recording's seed, the state trajectory and the distractor trajectory.
@@ -119,7 +122,7 @@ impl World {
             .into_iter()
             .map(|key| key.map(|(seed, state, distractor)| EpisodeKey { seed, state, distractor }))
             .collect();
-        let rows = self.ask(py, |place| Order::Reset { keys: keys[place].to_vec(), draw })?;
+        let rows = self.rows(py, draw, |i, slot| keys[i].map_or(Ok(0.0), |key| slot.begin(key).map(|()| 0.0)))?;
         self.arrays(py, rows, draw)
     }
 
@@ -136,10 +139,8 @@ impl World {
             let found = actions.shape();
             return Err(refused(format!("actions of shape {found:?}; right is [{}, {width}]", self.environments)));
         }
-        let actions: Vec<f32> = match actions.as_slice() {
-            Ok(slice) => slice.to_vec(),
-            Err(_) => actions.as_array().iter().copied().collect(),
-        };
+        // Owned, because the lock is given away and another thread of Python might write to the array meanwhile.
+        let actions: Vec<f32> = actions.as_array().iter().copied().collect();
         let keys: Vec<Option<EpisodeKey>> = match episodes {
             None => vec![None; self.environments],
             Some(keys) if keys.len() == self.environments => keys
@@ -150,17 +151,16 @@ impl World {
                 return Err(refused(format!("{} episodes for {} environments", keys.len(), self.environments)));
             }
         };
-        let rows = self.ask(py, |place| Order::Step {
-            actions: actions[place.start * width..place.end * width].to_vec(),
-            keys: keys[place].to_vec(),
-            draw,
+        let rows = self.rows(py, draw, |i, slot| match keys[i] {
+            Some(key) => slot.begin(key).map(|()| 0.0),
+            None => slot.step(&actions[i * width..(i + 1) * width]),
         })?;
         self.arrays(py, rows, draw)
     }
 
     /// The present pictures, `[environments, size, size, 3]`; none of a world without pictures.
     fn pictures<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let rows = self.ask(py, |_| Order::Look)?;
+        let rows = self.rows(py, true, |_, _| Ok(0.0))?;
         self.arrays(py, rows, true)?.get_item("pixels")
     }
 
@@ -173,20 +173,23 @@ impl World {
     /// it took. What a loop in Rust costs.
     fn roll(&self, py: Python<'_>, steps: u32, draw: bool) -> PyResult<f64> {
         let began = std::time::Instant::now();
-        self.ask(py, |_| Order::Roll { steps, draw })?;
+        self.each(py, &mut Rows::of(self.environments, 0, 0), |_, slot, _| slot.roll(steps, draw))?;
         Ok(began.elapsed().as_secs_f64())
     }
 
-    /// Ends the threads; what is asked of it afterwards raises.
+    /// Ends the environments; what is asked of it afterwards raises.
     fn close(&self, py: Python<'_>) {
-        py.detach(|| self.lock().clear());
+        py.detach(|| self.end());
     }
 }
 
 impl World {
     /// Keeps every episode that begins from now on and is played to its end in a recording; none stops keeping.
     pub(crate) fn keep(&self, py: Python<'_>, keeper: Option<Keeper>) -> PyResult<()> {
-        self.ask(py, |_| Order::Keep(keeper.clone())).map(drop)
+        self.each(py, &mut Rows::of(self.environments, 0, 0), |_, slot, _| {
+            slot.keep(keeper.clone());
+            Ok(())
+        })
     }
 
     pub(crate) fn options(&self) -> &WorldOptions {
@@ -205,36 +208,50 @@ impl World {
         self.episode_steps
     }
 
-    fn lock(&self) -> MutexGuard<'_, Vec<Worker>> {
-        self.workers.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Vec<Slot>> {
+        self.slots.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Sends every thread its order and waits for all of them; the rows of all environments in their order.
-    fn ask(&self, py: Python<'_>, order: impl Fn(std::ops::Range<usize>) -> Order + Send + Sync) -> PyResult<Rows> {
+    fn end(&self) {
+        visiting(|| self.lock().clear());
+    }
+
+    /// Lets every environment do `work`, which returns its reward, and show its row.
+    fn rows(
+        &self,
+        py: Python<'_>,
+        draw: bool,
+        work: impl Fn(usize, &mut Slot) -> Result<f64, String> + Send + Sync,
+    ) -> PyResult<Rows> {
+        let pixels = if draw { self.spec.pixels_len() } else { 0 };
+        let mut rows = Rows::of(self.environments, pixels, self.spec.observation_len());
+        self.each(py, &mut rows, |i, slot, place| work(i, slot).and_then(|reward| slot.show(reward, place)))?;
+        Ok(rows)
+    }
+
+    /// Lets every environment work, each with its place in `rows`. All of them finish, whatever happens to one; the first error is the answer.
+    fn each(
+        &self,
+        py: Python<'_>,
+        rows: &mut Rows,
+        work: impl Fn(usize, &mut Slot, Place<'_>) -> Result<(), String> + Send + Sync,
+    ) -> PyResult<()> {
         if std::process::id() != self.process {
             return Err(refused(
                 "this environment was made in another process, whose threads a fork leaves behind; make it in this one \
                  (multiprocessing's spawn does), or use vibes.make_vec, which needs no processes",
             ));
         }
-        unlocked(py, || -> Result<Rows, String> {
-            let workers = self.lock();
-            if workers.is_empty() {
+        let one = |(i, (slot, place)): (usize, (&mut Slot, Place<'_>))| visiting(|| guarded(|| work(i, slot, place)));
+        unlocked(py, || -> Result<(), String> {
+            let mut slots = self.lock();
+            if slots.is_empty() {
                 return Err("this environment is closed; make another".to_owned());
             }
-            let mut start = 0;
-            for worker in workers.iter() {
-                let place = start..start + worker.environments();
-                start = place.end;
-                worker.send(order(place))?;
-            }
-            // All answers are taken, so that an error of one thread leaves none waiting in another's channel.
-            let answers: Vec<Result<Rows, String>> = workers.iter().map(Worker::answer).collect();
-            let mut all = Rows::default();
-            for rows in answers {
-                all.append(rows?);
-            }
-            Ok(all)
+            let shares: Vec<_> = slots.iter_mut().zip(rows.places()).enumerate().collect();
+            let Some(pool) = &self.pool else { return shares.into_iter().try_for_each(one) };
+            let done: Vec<_> = pool.install(|| shares.into_par_iter().with_max_len(1).map(one).collect());
+            done.into_iter().collect()
         })
     }
 
@@ -249,5 +266,17 @@ impl World {
         out.set_item("reward", shaped(py, rows.rewards, &[count])?)?;
         out.set_item("is_last", shaped(py, rows.is_last, &[count])?)?;
         Ok(out)
+    }
+}
+
+impl Drop for World {
+    fn drop(&mut self) {
+        // In the child of a fork they belong to its parent, and a lock may be held by a thread that is not there.
+        if std::process::id() == self.process {
+            self.end();
+        } else {
+            std::mem::forget(std::mem::take(&mut self.slots));
+            std::mem::forget(self.pool.take());
+        }
     }
 }

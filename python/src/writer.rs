@@ -10,7 +10,7 @@ use numpy::{Element, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::json;
-use vibes_data::{CameraPose, Episode, EpisodeInfo, FORMAT, Manifest, RecordingWriter, Spec};
+use vibes_data::{CameraPose, Episode, EpisodeInfo, FORMAT, Grid, Manifest, RecordingWriter, Spec};
 
 use crate::error::{refused, unlocked};
 use crate::keeper::Keeper;
@@ -29,20 +29,36 @@ pub(crate) struct Writer {
 impl Writer {
     /// A recording of a world's episodes. It names the world's options as `vibes-collect` would, so that `verify` simulates and draws them again.
     #[staticmethod]
-    fn of_world(py: Python<'_>, path: PathBuf, world: &World, seed: u64, mcap: bool) -> PyResult<Self> {
-        let manifest = world_manifest(world, seed);
+    #[pyo3(signature = (path, world, seed, mcap, grid=None))]
+    fn of_world(
+        py: Python<'_>,
+        path: PathBuf,
+        world: &World,
+        seed: u64,
+        mcap: bool,
+        grid: Option<(u32, u32)>,
+    ) -> PyResult<Self> {
+        let manifest = world_manifest(world, seed, grid.map(cells).transpose()?);
         Self::open(py, path, manifest, mcap)
     }
 
     /// A recording of somebody else's episodes, of the shape that `spec` says.
     #[staticmethod]
-    fn of_spec(py: Python<'_>, path: PathBuf, spec: &Bound<'_, PyDict>, seed: u64, mcap: bool) -> PyResult<Self> {
+    #[pyo3(signature = (path, spec, seed, mcap, grid=None))]
+    fn of_spec(
+        py: Python<'_>,
+        path: PathBuf,
+        spec: &Bound<'_, PyDict>,
+        seed: u64,
+        mcap: bool,
+        grid: Option<(u32, u32)>,
+    ) -> PyResult<Self> {
         let spec: Spec = pythonize::depythonize(spec).map_err(refused)?;
         if let Some(fault) = spec.fault() {
             return Err(refused(format!("{fault}; a recording has smaller sizes, equal bounds and a clock")));
         }
         let options = json!({ "recorded_by": "python" });
-        Self::open(py, path, manifest(spec, options, seed, Vec::new()), mcap)
+        Self::open(py, path, manifest(spec, options, seed, Vec::new(), grid.map(cells).transpose()?), mcap)
     }
 
     /// Where it lies.
@@ -56,24 +72,27 @@ impl Writer {
         Ok(self.shared()?.writer.len())
     }
 
-    /// Writes one whole episode of T actions. Columns by their names in the format, `[T, …]` or `[T + 1, …]`.
-    #[pyo3(signature = (index, columns, *, is_terminal=false, policy="python".to_owned(), seed=0))]
+    /// Writes one whole episode of T actions. Columns by their names in the format, `[T, …]` or `[T + 1, …]`. In a grid the cell `(state, distractor)`
+    /// stands in place of the number.
+    #[pyo3(signature = (place, columns, *, is_terminal, policy, seed))]
     fn write(
         &self,
         py: Python<'_>,
-        index: u32,
+        place: (u32, u32),
         columns: &Bound<'_, PyDict>,
         is_terminal: bool,
         policy: String,
         seed: u64,
     ) -> PyResult<()> {
-        let Keeper { writer, .. } = self.shared()?;
+        let keeper = self.shared()?;
+        let (index, cell) = keeper.place(place.0, place.1).map_err(refused)?;
+        let writer = keeper.writer;
         if index > 999_999 || writer.has(index) {
             return Err(refused(format!(
                 "episode {index} is there already, or past 999999; take the next free number"
             )));
         }
-        let mut episode = Episode { index, is_terminal, ..Episode::default() };
+        let mut episode = Episode { index, cell, is_terminal, ..Episode::default() };
         let column = |name: &str| columns.get_item(name).map(|found| found.filter(|found| !found.is_none()));
         episode.actions = numbers(column("action")?)?;
         episode.rewards = numbers(column("reward")?)?;
@@ -93,8 +112,9 @@ impl Writer {
     }
 
     /// Keeps every episode that the world plays to its end from now on.
-    fn keep(&self, py: Python<'_>, world: &World) -> PyResult<()> {
-        world.keep(py, Some(self.shared()?))
+    #[pyo3(signature = (world, acts_by_pictures=false))]
+    fn keep(&self, py: Python<'_>, world: &World, acts_by_pictures: bool) -> PyResult<()> {
+        world.keep(py, Some(Keeper { acts_by_pictures, ..self.shared()? }))
     }
 
     /// The shape of its episodes.
@@ -102,18 +122,21 @@ impl Writer {
         Ok(pythonize::pythonize(py, &self.spec)?)
     }
 
-    /// Whether the episode of this number is there.
-    fn has(&self, index: u32) -> PyResult<bool> {
-        Ok(self.shared()?.writer.has(index))
+    /// Whether the episode of this number, or of this cell `(state, distractor)` of a grid, is there.
+    #[pyo3(signature = (state, distractor=None))]
+    fn has(&self, state: u32, distractor: Option<u32>) -> PyResult<bool> {
+        let keeper = self.shared()?;
+        let (index, _) = keeper.place(state, distractor.unwrap_or(state)).map_err(refused)?;
+        Ok(keeper.writer.has(index))
     }
 
     /// Completes the manifest. Nothing can be written afterwards.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
-        let Some(Keeper { writer, seed }) = self.lock().take() else { return Ok(()) };
+        let Some(Keeper { writer, seed, grid, acts_by_pictures }) = self.lock().take() else { return Ok(()) };
         match Arc::try_unwrap(writer) {
             Ok(writer) => unlocked(py, || writer.finish()).map(drop),
             Err(writer) => {
-                *self.lock() = Some(Keeper { writer, seed });
+                *self.lock() = Some(Keeper { writer, seed, grid, acts_by_pictures });
                 Err(refused("an environment still keeps its episodes here; close it or stop keeping first"))
             }
         }
@@ -122,9 +145,9 @@ impl Writer {
 
 impl Writer {
     fn open(py: Python<'_>, path: PathBuf, manifest: Manifest, mcap: bool) -> PyResult<Self> {
-        let (spec, seed) = (manifest.spec.clone(), manifest.seed);
+        let (spec, seed, grid) = (manifest.spec.clone(), manifest.seed, manifest.grid);
         let writer = unlocked(py, || RecordingWriter::create_or_resume(&path, manifest, mcap))?;
-        let keeper = Keeper { writer: Arc::new(writer), seed };
+        let keeper = Keeper { writer: Arc::new(writer), seed, grid, acts_by_pictures: false };
         Ok(Self { path, spec, keeper: Mutex::new(Some(keeper)) })
     }
 
@@ -149,7 +172,21 @@ fn numbers<T: Element + Copy>(array: Option<Bound<'_, PyAny>>) -> PyResult<Vec<T
     })
 }
 
-fn manifest(spec: Spec, options: serde_json::Value, seed: u64, videos: Vec<vibes_data::Video>) -> Manifest {
+/// A grid of at least one cell, whose cells can be numbered.
+fn cells((states, distractors): (u32, u32)) -> PyResult<Grid> {
+    match states.checked_mul(distractors) {
+        Some(1..=1_000_000) => Ok(Grid { states, distractors }),
+        _ => Err(refused(format!("a grid of {states} x {distractors}; it has 1 to 1000000 cells"))),
+    }
+}
+
+fn manifest(
+    spec: Spec,
+    options: serde_json::Value,
+    seed: u64,
+    videos: Vec<vibes_data::Video>,
+    grid: Option<Grid>,
+) -> Manifest {
     let versions = [("vibes", env!("CARGO_PKG_VERSION")), ("mujoco", "3.17.0"), ("dm_control models", "1.0.50")];
     Manifest {
         format: FORMAT.into(),
@@ -157,20 +194,21 @@ fn manifest(spec: Spec, options: serde_json::Value, seed: u64, videos: Vec<vibes
         options,
         seed,
         versions: versions.map(|(name, version)| (name.into(), version.into())).into_iter().collect::<BTreeMap<_, _>>(),
-        grid: None,
+        grid,
         videos,
         episodes: Vec::new(),
     }
 }
 
-/// The manifest that `vibes-collect` would write for the same task, distractors and videos; `episodes` is not known beforehand.
-fn world_manifest(world: &World, seed: u64) -> Manifest {
+/// The manifest that `vibes-collect` would write for the same task, distractors and videos; without a grid `episodes` is not known
+/// beforehand.
+fn world_manifest(world: &World, seed: u64, grid: Option<Grid>) -> Manifest {
     let options = world.options();
     let mut asked = json!({
         "task": options.task,
         "policy": "python",
-        "grid": null,
-        "episodes": 0,
+        "grid": grid,
+        "episodes": grid.map_or(0, |grid| grid.states * grid.distractors),
         "steps": world.steps_of_an_episode(),
         "action_repeat": world.recording_spec().action_repeat,
         "raw_torques": options.environment.raw_torques,
@@ -184,5 +222,5 @@ fn world_manifest(world: &World, seed: u64) -> Manifest {
     if !options.axis_seeds.is_empty() {
         asked["axis_seeds"] = json!(options.axis_seeds);
     }
-    manifest(world.recording_spec().clone(), asked, seed, world.video_library().videos().to_vec())
+    manifest(world.recording_spec().clone(), asked, seed, world.video_library().videos().to_vec(), grid)
 }

@@ -37,6 +37,24 @@ def test_torchrl_collects_from_it():
     assert rollout["next", "reward"].shape == (25, 1)
 
 
+def test_torchrls_dm_control_wrapper_takes_it():
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("torchrl")
+    control = pytest.importorskip("dm_control.rl.control")
+    from torchrl.envs.libs.dm_control import DMControlWrapper
+    from torchrl.envs.utils import check_env_specs
+    from vibes.dm import DmEnvironment
+
+    # The wrapper asks for dm_control's own class, of which ours is one by its interface.
+    control.Environment.register(DmEnvironment)
+    env = DMControlWrapper(vibes.make_dm(size=32, action_repeat=100, observation="both"))
+    check_env_specs(env)
+    rollout = env.rollout(25, break_when_any_done=False)
+    assert rollout["pixels"].shape == (25, 32, 32, 3) and rollout["pixels"].dtype == torch.uint8
+    assert rollout["to_target"].shape == (25, 2) and rollout["next", "reward"].shape == (25, 1)
+    assert rollout["next", "done"].sum() == 2, "episodes of ten steps"
+
+
 def test_pytorch_loads_windows(sample):
     torch = pytest.importorskip("torch")
     from torch.utils.data import DataLoader

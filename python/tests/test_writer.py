@@ -62,6 +62,75 @@ def test_only_the_recordings_own_episodes_are_kept(tmp_path):
         vibes.Writer(tmp_path / "one", vibes.make(size=24))
 
 
+def test_a_policy_fills_a_grid_with_one_physics_a_row(tmp_path):
+    env = vibes.make("reacher-easy", size=24, action_repeat=250, seed=6, observation="both")
+    rng = np.random.default_rng(0)
+    acted = []
+
+    def policy(observation):
+        acted.append(observation["pixels"])
+        return rng.uniform(-1, 1, 2)
+
+    with vibes.Writer(tmp_path / "grid", env, grid=(4, 3)) as writer:
+        first = writer.record(policy, episodes=1)
+        assert len(writer) == 3 and writer.grid == (4, 3) and writer.next_episode() == 3
+        returns = first + writer.record(policy)
+        assert len(writer) == 12
+    assert len(returns) == 4 and len(acted) == 4 * 4, "the policy acts once for a state trajectory"
+    recording = vibes.open(tmp_path / "grid")
+    assert recording.manifest["grid"] == {"states": 4, "distractors": 3}
+    assert [episode.cell for episode in recording] == [(i, j) for i in range(4) for j in range(3)]
+    for i in range(4):
+        row = [recording.episode(3 * i + j) for j in range(3)]
+        for cell in row:
+            np.testing.assert_array_equal(cell.qpos, row[0].qpos)
+            np.testing.assert_array_equal(cell.action, row[0].action)
+            assert cell.entry["return"] == pytest.approx(returns[i], rel=1e-6)
+        assert (row[0].pixels != row[1].pixels).any()
+        if i < 3:
+            np.testing.assert_array_equal(row[i].pixels[:4], acted[4 * i : 4 * i + 4], "it acted under the distractor of its own number")
+    said = collect("verify", tmp_path / "grid")
+    assert "sound" in said and "recorded elsewhere" not in said
+    assert vibes.measures.variance_shares(vibes.measures.Table(np.concatenate([e.observation for e in recording]), recording=recording))
+
+
+def test_a_grid_that_was_stopped_goes_on_with_the_same_actions(tmp_path):
+    env = vibes.make("cartpole-swingup", observation="state", action_repeat=200)
+    rng = np.random.default_rng(1)
+    with vibes.Writer(tmp_path / "grid", env, grid=(2, 2), mcap=False) as writer:
+        env.reset(options={"state": 0, "distractor": 1})
+        actions = [env.action_space.sample() for _ in range(5)]
+        for action in actions:
+            env.step(action)
+        with pytest.raises(vibes.Error, match="cells are below 2 and 2"):
+            env.reset(options={"state": 0, "distractor": 2})
+        env.reset(options={"state": 1, "distractor": 1})
+    with vibes.Writer(tmp_path / "grid", env, grid=(2, 2), mcap=False) as writer:
+        writer.record(lambda observation: rng.uniform(-1, 1, 1))
+    recording = vibes.open(tmp_path / "grid")
+    assert recording.indices == [0, 1, 2, 3]
+    np.testing.assert_array_equal(recording.episode(0).action, np.array(actions, np.float32))
+    assert "sound" in collect("verify", tmp_path / "grid")
+
+
+def test_arrays_fill_the_cells_of_a_grid(tmp_path):
+    columns = {"action": np.zeros((5, 2)), "reward": np.zeros(5), "observation": np.zeros((6, 3)), "pixels": np.zeros((6, 8, 8, 3), np.uint8)}
+    with vibes.Writer(tmp_path / "foreign", spec=spec(), grid=(2, 3)) as writer:
+        assert writer.write(**columns, cell=(1, 1)) == 4
+        assert writer.write(**columns) == 0
+        with pytest.raises(vibes.Error, match="there already"):
+            writer.write(**columns, cell=(1, 1))
+        with pytest.raises(vibes.Error, match="cells are below 2 and 3"):
+            writer.write(**columns, cell=(2, 0))
+        with pytest.raises(vibes.Error, match="in place of the index"):
+            writer.write(**columns, cell=(0, 1), index=1)
+    assert [episode.cell for episode in vibes.open(tmp_path / "foreign")] == [(0, 0), (1, 1)]
+    for grid in [(0, 3), (2**20, 2**20), "ab", 3]:
+        with pytest.raises(vibes.Error):
+            vibes.Writer(tmp_path / "wrong", spec=spec(), grid=grid)
+    assert not (tmp_path / "wrong").exists()
+
+
 def spec(**more):
     return {"task": "mine", "action_low": [-1, -2], "action_high": [1, 2], "observation": {"position": 3}, "size": 8} | more
 

@@ -26,6 +26,7 @@ mod online;
 mod online_progress;
 mod progress;
 mod sweep;
+mod window_log;
 
 /// Fit VIBES and its ablations to recordings, and encode recordings into latents.
 #[derive(Debug, Parser)]

@@ -25,6 +25,13 @@ pub enum Event<'a> {
         /// Updates made before.
         update: u64,
     },
+    /// The next update is about to be made.
+    Windows {
+        /// Updates made before.
+        update: u64,
+        /// What it trains on.
+        batch: &'a WindowBatch,
+    },
     /// An update was made.
     Update {
         /// Updates made in all.
@@ -129,8 +136,12 @@ struct Training<'a> {
 impl Training<'_> {
     fn run(&mut self, mut learner: Learner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
         loop {
-            let batches = &self.batches;
-            (learner, _) = self.session.update(learner, || batches.next())?;
+            let (batches, update) = (&self.batches, self.session.state.update);
+            (learner, _) = self.session.update(learner, || {
+                let batch = batches.next()?;
+                listen(Event::Windows { update, batch: &batch });
+                Ok(batch)
+            })?;
             let State { update, seconds, .. } = self.session.state;
             let mut go = listen(Event::Update { update, seconds });
             let end = self.end(go);

@@ -4,6 +4,8 @@
 //! machine without it can do everything but draw. The display is opened once a process: on the device that `MUJOCO_EGL_DEVICE_ID` numbers, as for
 //! MuJoCo's own Python package; without it on the first device that opens (a GPU, or Mesa's software device), else on Mesa's surfaceless platform.
 //!
+//! A context may move to another thread once it is current on none: [`visiting`] runs what draws and leaves the thread as it was.
+//!
 //! Before EGL is opened, `LP_NUM_THREADS=0` is put into the process's environment unless the user has set it: Mesa's software renderer then
 //! rasterises on the thread that draws. With threads of its own, Mesa 22.3 (Debian 12) crashes now and then: before it uploads a texture it
 //! looks, without a lock, through scenes that its rasteriser threads are still freeing. The collector's page says what was measured.
@@ -61,13 +63,14 @@ const RASTERISERS: &str = "LP_NUM_THREADS";
 /// The variable by which MuJoCo's Python package chooses among several devices.
 const DEVICE: &str = "MUJOCO_EGL_DEVICE_ID";
 
+static OPENED: OnceLock<std::result::Result<Shared, String>> = OnceLock::new();
+
 fn shared() -> Result<&'static Shared> {
-    static SHARED: OnceLock<std::result::Result<Shared, String>> = OnceLock::new();
     let open = || {
         draw_without_rasteriser_threads();
         open("libEGL.so.1")
     };
-    SHARED.get_or_init(open).as_ref().map_err(|fact| refused(fact))
+    OPENED.get_or_init(open).as_ref().map_err(|fact| refused(fact))
 }
 
 /// A device that was asked for and cannot draw is the user's to mend; anything else is EGL's.
@@ -147,10 +150,48 @@ fn devices(egl: &Egl) -> Vec<*mut c_void> {
     devices
 }
 
-/// A context, without a surface: MuJoCo draws into buffers of its own. Stays on its thread.
+/// A context, without a surface: MuJoCo draws into buffers of its own. It is current on one thread at most, and stays so until another context is or
+/// [`visiting`] ends.
 pub(super) struct EglContext {
     context: egl::Context,
     shared: &'static Shared,
+}
+
+/// Runs `work`, which may draw, and leaves this thread's OpenGL context as it was: the contexts that `work` used can then be used on any other
+/// thread, and whoever else draws on this one goes on undisturbed.
+pub fn visiting<T>(work: impl FnOnce() -> T) -> T {
+    let before = Current::of_thread();
+    let done = work();
+    before.restore();
+    done
+}
+
+/// The context that is current on a thread, with its surfaces; none of a process that has not opened EGL.
+struct Current {
+    display: Option<egl::Display>,
+    context: Option<egl::Context>,
+    surfaces: [Option<egl::Surface>; 2],
+}
+
+impl Current {
+    fn of_thread() -> Self {
+        let opened = OPENED.get().and_then(|opened| opened.as_ref().ok());
+        let context = opened.and_then(|shared| shared.egl.get_current_context());
+        let Some((shared, context)) = opened.zip(context) else {
+            return Self { display: None, context: None, surfaces: [None; 2] };
+        };
+        let surfaces = [egl::DRAW, egl::READ].map(|which| shared.egl.get_current_surface(which));
+        Self { display: shared.egl.get_current_display(), context: Some(context), surfaces }
+    }
+
+    fn restore(self) {
+        let Some(Ok(Shared { egl, display, .. })) = OPENED.get() else { return };
+        if egl.get_current_context() != self.context {
+            let [draw, read] = self.surfaces;
+            // A context that was destroyed meanwhile leaves the thread without one; there is nobody to tell.
+            let _ = egl.make_current(self.display.unwrap_or(*display), draw, read, self.context);
+        }
+    }
 }
 
 impl std::fmt::Debug for EglContext {

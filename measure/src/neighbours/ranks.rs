@@ -1,5 +1,7 @@
-//! Ranks of given rows: how many rows are nearer to a query. By matrix products in single precision, as the sieve of `search`; only rows whose distance is within
-//! its rounding error of a row in question are compared by themselves.
+//! Ranks of given rows: how many rows are nearer to a query. By matrix products in single precision, as the sieve of `search`, and then by comparing whole
+//! runs of scores with one row in question after the other, which processors do many at a time; only rows whose distance is within the rounding error
+//! of a row in question are compared by themselves.
+#![allow(unsafe_code, reason = "wider instructions are called once the processor is known to have them")]
 
 use ndarray::linalg::general_mat_mul;
 use ndarray::{ArrayView2, ArrayViewMut2};
@@ -11,8 +13,8 @@ use super::Space;
 const QUERIES: usize = 64;
 /// Rows in a block.
 const ROWS: usize = 1024;
-/// Numbers compared at once.
-const LANES: usize = 8;
+/// Scores in a run: they stay in the first-level cache while every row in question is compared with them.
+const RUN: usize = 256;
 
 impl Space<'_> {
     /// The rank of each of `rows[q]` among all rows by distance to `queries[q]` (1 for the nearest; the query itself does not count), in single precision:
@@ -41,8 +43,11 @@ impl Space<'_> {
             if let (Ok(left), Ok(block), Ok(mut product)) = (left, block, product) {
                 general_mat_mul(1.0, &left, &block.t(), 1.0, &mut product);
             }
+            let largest = norms[first..last].iter().copied().fold(0.0, f32::max);
             for (line, list) in scores.chunks_exact(width).zip(&mut lists) {
-                list.count(self, line, first, norms);
+                for (run, scores) in line.chunks(RUN).enumerate() {
+                    list.count(self, scores, first + run * RUN, largest);
+                }
             }
         }
         lists.into_iter().map(List::finish).collect()
@@ -56,15 +61,13 @@ fn norm(point: &[f32]) -> f32 {
 /// The rows in question of one query.
 struct List {
     query: usize,
-    /// Their squared distances, rising, and infinities up to a whole number of lanes.
+    /// Their squared distances, rising.
     squared: Vec<f32>,
-    /// The largest that is finite.
-    farthest: f32,
     /// The query's squared norm, which scores lack.
     norm: f32,
     /// Relative error of a score.
     error: f32,
-    /// How many rows are nearer than the i-th but not than the one before it.
+    /// How many rows are nearer than each of them.
     nearer: Vec<u64>,
 }
 
@@ -73,47 +76,56 @@ impl List {
         let mut squared: Vec<f32> = rows.iter().map(|&row| space.squared_prepared(query, row as usize)).collect();
         squared.sort_unstable_by(f32::total_cmp);
         let error = (space.table().dims() as f32 + 16.0) * f32::EPSILON;
-        let (nearer, farthest) = (vec![0; squared.len()], squared.last().copied().unwrap_or(f32::NEG_INFINITY));
-        squared.resize(squared.len().next_multiple_of(LANES), f32::INFINITY);
-        Self { query, norm: norms[query], error, nearer, squared, farthest }
+        Self { query, norm: norms[query], error, nearer: vec![0; squared.len()], squared }
     }
 
-    /// Count the rows of a block that are nearer than one in question.
-    fn count(&mut self, space: &Space<'_>, scores: &[f32], first: usize, norms: &[f32]) {
-        for (at, &score) in scores.iter().enumerate() {
-            let row = first + at;
-            let slack = 2.0 * self.error * (norms[row] + self.norm);
-            let squared = score + self.norm;
-            if squared > self.farthest + slack || row == self.query {
+    /// Counts the rows of a run that are nearer than each row in question; `largest` is at least the largest squared norm among them.
+    fn count(&mut self, space: &Space<'_>, scores: &[f32], first: usize, largest: f32) {
+        let slack = 2.0 * self.error * (largest + self.norm);
+        let least = scores.iter().fold(f32::INFINITY, |least, &score| if score < least { score } else { least });
+        // From the farthest on: where no score is near enough, none is for those before it.
+        for (squared, nearer) in self.squared.iter().zip(&mut self.nearer).rev() {
+            let (low, high) = (squared - self.norm - slack, squared - self.norm + slack);
+            if least > high {
+                return;
+            }
+            let (surely, perhaps) = below(scores, low, high);
+            *nearer += u64::from(surely);
+            if surely == perhaps {
                 continue;
             }
-            let (mut place, close) = self.place(squared, slack);
-            if close {
-                place = self.place(space.squared_prepared(self.query, row), 0.0).0;
-            }
-            if place < self.nearer.len() {
-                self.nearer[place] += 1;
-            }
+            let close = scores.iter().enumerate().filter(|&(_, &score)| score >= low && score <= high);
+            let is_nearer = |at: usize| space.squared_prepared(self.query, first + at) < *squared;
+            *nearer += close.filter(|&(at, _)| is_nearer(at)).count() as u64;
         }
     }
 
-    /// How many of the rows in question are as near or nearer, and whether one of them is within `slack`: over whole lanes, without a branch.
-    fn place(&self, squared: f32, slack: f32) -> (usize, bool) {
-        let (mut counts, mut close) = ([0_u32; LANES], [false; LANES]);
-        for lanes in self.squared.chunks_exact(LANES) {
-            for lane in 0..LANES {
-                counts[lane] += u32::from(lanes[lane] <= squared);
-                close[lane] |= (lanes[lane] - squared).abs() <= slack;
-            }
-        }
-        (counts.iter().sum::<u32>() as usize, close.contains(&true))
-    }
-
+    /// The ranks. The query was counted as a row at no distance.
     fn finish(self) -> Vec<u64> {
-        let ranks = self.nearer.iter().scan(0, |rank, nearer| {
-            *rank += nearer;
-            Some(*rank + 1)
-        });
-        ranks.collect()
+        let itself = |squared: f32| u64::from(0.0 < squared);
+        self.nearer.iter().zip(&self.squared).map(|(nearer, &squared)| nearer - itself(squared) + 1).collect()
     }
+}
+
+/// How many scores are below `low`, and how many are not above `high`.
+fn below(scores: &[f32], low: f32, high: f32) -> (u32, u32) {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has what the function asks for.
+        return unsafe { below_avx2(scores, low, high) };
+    }
+    below_portable(scores, low, high)
+}
+
+#[inline(always)]
+fn below_portable(scores: &[f32], low: f32, high: f32) -> (u32, u32) {
+    scores.iter().fold((0, 0), |(surely, perhaps), &score| {
+        (surely + u32::from(score < low), perhaps + u32::from(score <= high))
+    })
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn below_avx2(scores: &[f32], low: f32, high: f32) -> (u32, u32) {
+    below_portable(scores, low, high)
 }

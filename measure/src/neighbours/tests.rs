@@ -101,6 +101,29 @@ fn agrees_with_a_kd_tree() {
     }
 }
 
+/// Random points, and points of a coarse lattice, where most distances are equal to others.
+#[test]
+fn ranks_are_their_definition() {
+    for (rows, dims, step) in [(700, 5, 0.0), (1500, 2, 0.5), (300, 40, 0.0)] {
+        let coarse = |x: f32| if step > 0.0 { (x / step).round() * step } else { x };
+        let values: Vec<f32> = random(rows, dims, 7).into_iter().map(coarse).collect();
+        let (episode, time) = keys(rows, 10);
+        let space = Space::new(Table::new(dims, &values, &episode, &time).unwrap(), Metric::Euclidean).unwrap();
+        let queries: Vec<usize> = (0..rows).step_by(3).collect();
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let wanted = |&query: &usize| (0..query % 17).map(|_| rng.random_range(0..rows as u32)).collect();
+        let wanted: Vec<Vec<u32>> = queries.iter().map(wanted).collect();
+        for (place, found) in space.ranks(&queries, &wanted).iter().enumerate() {
+            let squared = |row: usize| space.squared_prepared(queries[place], row);
+            let others: Vec<f32> = (0..rows).filter(|&row| row != queries[place]).map(squared).collect();
+            let rank = |&row: &u32| 1 + others.iter().filter(|&&other| other < squared(row as usize)).count() as u64;
+            let mut expected: Vec<u64> = wanted[place].iter().map(rank).collect();
+            expected.sort_unstable();
+            assert_eq!(*found, expected, "query {}", queries[place]);
+        }
+    }
+}
+
 #[test]
 fn one_thread_and_three_give_the_same() {
     let values = random(5000, 16, 1);

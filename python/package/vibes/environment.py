@@ -47,7 +47,8 @@ class Environment(gymnasium.Env[Any, Any]):
         spec = self.world.spec
         self.metadata = self.metadata | {"render_fps": round(1 / (spec["control_timestep"] * spec["action_repeat"]))}
         self._kind = observation
-        self._draw = observation != "state"
+        self._draw = self.observes_pictures = observation != "state"
+        """Whether observations have pictures."""
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begins the next episode; with ``seed`` episode 0 of a recording of that seed.

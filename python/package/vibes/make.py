@@ -75,7 +75,7 @@ def make_vec(task: str = "reacher-easy", num_envs: int = 8, *, threads: int | No
     Args:
         task: as in :func:`make`.
         num_envs: how many.
-        threads: how many threads; one per core unless given.
+        threads: how many threads; one per core unless given, and none for one environment, which works on the thread that calls.
         options: as in :func:`make`.
     """
     _environment()

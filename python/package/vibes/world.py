@@ -38,7 +38,8 @@ class World:
     Args:
         task: ball_in_cup-catch, cartpole-swingup, cheetah-run, finger-spin, reacher-easy, walker-walk or swimmer-N.
         environments: how many.
-        threads: threads that simulate and draw; one per core unless given.
+        threads: threads of its own that simulate and draw. Unless given one per core, and none for one environment, which works on the thread that
+            calls.
         difficulty: how far the distractors go: easy, medium or hard, as in the Distracting Control Suite.
         dynamic: whether they move during an episode.
         distract: which of background, camera and color; "all" or "none" as well.
@@ -109,7 +110,7 @@ class World:
 
     @property
     def threads(self) -> int:
-        """How many threads simulate and draw."""
+        """How many threads of its own simulate and draw; 0 where the thread that calls does."""
         return self._native.threads
 
     @property
@@ -181,12 +182,18 @@ class World:
         """The present pictures, ``[environments, size, size, 3]``; None of a world without pictures."""
         return self._native.pictures()
 
-    def keep(self, writer: Writer | None) -> None:
-        """Keeps every episode that begins from now on and is played to its end in ``writer``'s recording; None stops that."""
+    def keep(self, writer: Writer | None, *, acts_by_pictures: bool = False) -> None:
+        """Keeps every episode that begins from now on and is played to its end in ``writer``'s recording; None stops that.
+
+        Args:
+            writer: of this world, or None.
+            acts_by_pictures: whether actions are chosen by what the distractor trajectory of the state trajectory's own number shows; the recording
+                then names it as its acting distractor.
+        """
         if writer is None:
             self._native.stop_keeping()
         else:
-            writer._native.keep(self._native)
+            writer._native.keep(self._native, bool(acts_by_pictures))
 
     def close(self) -> None:
         """Ends the threads and frees their memory; using the world afterwards raises."""

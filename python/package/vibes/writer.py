@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _vibes
+from .recordings import Recording
 from .world import World, checked_number, checked_seed
 
 TYPES = {"qpos": np.float64, "qvel": np.float64, "pixels": np.uint8}
@@ -32,7 +33,11 @@ class Writer:
         with vibes.Writer("recordings/mine", env) as writer:
             writer.record(lambda observation: env.action_space.sample(), episodes=10)
 
-    Without one, ``spec`` says what a row holds, and ``write`` takes whole episodes::
+    With ``grid=(states, distractors)`` it is a grid: every state trajectory under every distractor trajectory, so that one physics is there in many
+    pictures. ``record`` lets the policy act once for a state trajectory and draws its other cells; whoever steps an environment plays the cells of one
+    row with the same actions (``env.reset(options={"state": i, "distractor": j})``).
+
+    Without an environment, ``spec`` says what a row holds, and ``write`` takes whole episodes::
 
         spec = {"task": "mine", "action_low": [-1], "action_high": [1], "observation": {"position": 3}, "size": 64, "control_timestep": 0.02}
         with vibes.Writer("recordings/mine", spec=spec) as writer:
@@ -43,6 +48,7 @@ class Writer:
         env: an environment from ``make``, ``make_dm``, ``make_vec``, or a ``World``.
         spec: task (a name), action_low and action_high (numbers), observation (parts with their sizes), and where there are any: size (pixels), qpos,
             qvel (counts), control_timestep (seconds, 1 unless given), action_repeat (1 unless given).
+        grid: numbers of state and of distractor trajectories, where the recording is a grid.
         mcap: whether an MCAP log is written beside every Arrow table.
 
     Raises:
@@ -50,17 +56,24 @@ class Writer:
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], env: Any = None, *, spec: dict[str, Any] | None = None, mcap: bool = True
+        self,
+        path: str | os.PathLike[str],
+        env: Any = None,
+        *,
+        spec: dict[str, Any] | None = None,
+        grid: tuple[int, int] | None = None,
+        mcap: bool = True,
     ) -> None:
         if (env is None) == (spec is None):
             raise _vibes.Error("a Writer takes an environment of this package, or the spec of another; give one of the two")
         self._env = env
+        self._grid = None if grid is None else checked_grid(grid)
         self._world = None if env is None else world_of(env)
         if self._world is not None:
-            self._native = _vibes.Writer.of_world(path, self._world._native, self._world.seed, mcap)
+            self._native = _vibes.Writer.of_world(path, self._world._native, self._world.seed, mcap, self._grid)
             self._world.keep(self)
         else:
-            self._native = _vibes.Writer.of_spec(path, row_spec(spec or {}), 0, mcap)
+            self._native = _vibes.Writer.of_spec(path, row_spec(spec or {}), 0, mcap, self._grid)
 
     @property
     def path(self) -> Path:
@@ -70,34 +83,51 @@ class Writer:
     def __len__(self) -> int:
         return len(self._native)
 
+    @property
+    def grid(self) -> tuple[int, int] | None:
+        """Numbers of state and of distractor trajectories; None of a recording that is no grid."""
+        return self._grid
+
     def next_episode(self) -> int:
-        """The first number that no episode has yet."""
+        """The first number that no episode has yet; in a grid that of state i under distractor j is i times the number of distractors, plus j."""
         number = 0
-        while self._native.has(number):
+        while self._has(number):
             number += 1
         return number
 
-    def record(self, policy: Callable[[Any], ArrayLike], episodes: int = 1) -> list[float]:
+    def record(self, policy: Callable[[Any], ArrayLike], episodes: int | None = None) -> list[float]:
         """Plays and keeps whole episodes of an environment from ``make``, from the first number that is free; returns their returns.
+
+        In a grid an episode is a state trajectory with all its cells. A policy that sees pictures acts under the distractor trajectory of the same
+        number, as ``vibes-collect`` lets it, and the actions are played again under the others.
 
         Args:
             policy: from an observation, as the environment gives it, to an action ``[action]``.
-            episodes: how many.
+            episodes: how many; 1 unless given, in a grid all that are not there yet.
         """
         env = getattr(self._env, "unwrapped", None)
         if env is None or not hasattr(env, "action_space") or self._world is None or self._world.environments != 1:
             raise _vibes.Error("record plays an environment from vibes.make; others are kept while they are stepped")
-        returns = []
-        for _ in range(episodes):
-            observation, _ = env.reset(options={"episode": self.next_episode()})
-            total, is_over = 0.0, False
-            while not is_over:
-                observation, reward, terminated, truncated, _ = env.step(np.asarray(policy(observation), np.float32))
-                total, is_over = total + reward, terminated or truncated
-            returns.append(total)
-        return returns
+        try:
+            if self._grid is not None:
+                rows = [row for row in range(self._grid[0]) if self._missing(row)]
+                return [self._record_row(env, policy, row) for row in rows[:episodes]]
+            self._keep(env)
+            play = lambda number: played(env, policy, {"episode": number})[0]
+            return [play(self.next_episode()) for _ in range(1 if episodes is None else episodes)]
+        finally:
+            self._world.keep(self)
 
-    def write(self, *, is_terminal: bool = False, policy: str = "python", seed: int = 0, index: int | None = None, **columns: ArrayLike) -> int:
+    def write(
+        self,
+        *,
+        is_terminal: bool = False,
+        policy: str = "python",
+        seed: int = 0,
+        index: int | None = None,
+        cell: tuple[int, int] | None = None,
+        **columns: ArrayLike,
+    ) -> int:
         """Writes one whole episode of T actions; returns its number.
 
         Args:
@@ -107,17 +137,56 @@ class Writer:
             policy: what acted, for the manifest.
             seed: of the episode, for the manifest.
             index: its number; the first free one unless given.
+            cell: state and distractor trajectory, in a grid, in place of the number.
 
         Raises:
             vibes.Error: a column of another length, or a reward that is not finite; nothing is written then.
         """
+        if cell is not None and (self._grid is None or index is not None):
+            raise _vibes.Error("a cell is of a Writer with a grid, and stands in place of the index; give one of the two")
         number = self.next_episode() if index is None else checked_number(index)
+        place = self._place(number) if cell is None else pair(cell, "a cell")
         known = ("action", "reward", "discount", "observation", "pixels", "qpos", "qvel", "colors")
         if unknown := set(columns) - set(known):
             raise _vibes.Error(f"unknown columns {sorted(unknown)}; known are {', '.join(known)}")
         arrays = {name: as_type(name, values) for name, values in columns.items()}
-        self._native.write(number, arrays, is_terminal=bool(is_terminal), policy=str(policy), seed=checked_seed(seed))
-        return number
+        self._native.write(place, arrays, is_terminal=bool(is_terminal), policy=str(policy), seed=checked_seed(seed))
+        return number if self._grid is None else place[0] * self._grid[1] + place[1]
+
+    def _place(self, number: int) -> tuple[int, int]:
+        return (number, number) if self._grid is None else divmod(number, self._grid[1])
+
+    def _has(self, number: int) -> bool:
+        if self._grid is not None and number >= self._grid[0] * self._grid[1]:
+            return False
+        return self._native.has(*self._place(number))
+
+    def _missing(self, row: int) -> list[int]:
+        columns = 0 if self._grid is None else self._grid[1]
+        return [column for column in range(columns) if not self._native.has(row, column)]
+
+    def _keep(self, env: Any) -> None:
+        assert self._world is not None
+        self._world.keep(self, acts_by_pictures=env.observes_pictures)
+
+    def _record_row(self, env: Any, policy: Callable[[Any], ArrayLike], row: int) -> float:
+        """One state trajectory under every distractor trajectory that is missing: acted once, or as its other cells say."""
+        assert self._world is not None
+        missing = self._missing(row)
+        _, columns = self._grid or (0, 0)
+        there = [column for column in range(columns) if column not in missing]
+        if there:
+            actions = list(Recording(self.path).episode(row * columns + there[0]).action)
+            earned = 0.0
+        else:
+            # Kept where the column of the row's own number is in the grid.
+            self._keep(env) if row < columns else self._world.keep(None)
+            earned, actions = played(env, policy, {"state": row, "distractor": row})
+        self._keep(env)
+        for column in self._missing(row):
+            again = iter(actions)
+            earned, _ = played(env, lambda _: next(again), {"state": row, "distractor": column})
+        return earned
 
     def close(self) -> None:
         """Completes the manifest."""
@@ -134,6 +203,31 @@ class Writer:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+
+def played(env: Any, policy: Callable[[Any], ArrayLike], options: dict[str, int]) -> tuple[float, list[ArrayLike]]:
+    """Plays the episode that the options of a reset name to its end: its return and its actions."""
+    observation, _ = env.reset(options=options)
+    total, is_over, actions = 0.0, False, []
+    while not is_over:
+        actions.append(np.asarray(policy(observation), np.float32))
+        observation, reward, terminated, truncated, _ = env.step(actions[-1])
+        total, is_over = total + reward, terminated or truncated
+    return float(total), actions
+
+
+def pair(numbers: Any, what: str) -> tuple[int, int]:
+    """Two numbers of trajectories, or what would be two."""
+    try:
+        state, distractor = numbers
+    except (TypeError, ValueError):
+        raise _vibes.Error(f"{what} {numbers!r}; right is (state, distractor), two whole numbers") from None
+    return checked_number(state), checked_number(distractor)
+
+
+def checked_grid(grid: Any) -> tuple[int, int]:
+    """Numbers of state and of distractor trajectories."""
+    return pair(grid, "a grid")
 
 
 def world_of(env: Any) -> World:

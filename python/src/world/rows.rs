@@ -1,9 +1,11 @@
-//! Rows of all environments of a world, as they cross to Python.
+//! Rows: what an agent step of all environments shows, in one array for each kind of number.
+//!
+//! In: the number of environments and the widths of a row. Out: a place for every environment to write its own row to, whatever thread it runs on.
 
-/// A row of each environment, one after the other.
+/// One row of every environment.
 #[derive(Debug, Default)]
 pub(super) struct Rows {
-    /// `[environments, size, size, 3]`, empty where nothing was drawn.
+    /// `[environments, size, size, 3]`, empty where nothing is drawn.
     pub pixels: Vec<u8>,
     /// `[environments, observation]`.
     pub observations: Vec<f32>,
@@ -13,15 +15,48 @@ pub(super) struct Rows {
     pub is_last: Vec<bool>,
 }
 
+/// Where one environment writes its row.
+#[derive(Debug)]
+pub(super) struct Place<'a> {
+    /// `[size, size, 3]`, empty where nothing is drawn.
+    pub pixels: &'a mut [u8],
+    /// `[observation]`.
+    pub observation: &'a mut [f32],
+    pub reward: &'a mut f64,
+    pub is_last: &'a mut bool,
+}
+
 impl Rows {
-    pub(super) fn append(&mut self, mut more: Self) {
-        if self.rewards.is_empty() {
-            *self = more;
-            return;
+    /// Room for `environments` rows of `pixels` bytes and `observation` numbers.
+    pub(super) fn of(environments: usize, pixels: usize, observation: usize) -> Self {
+        Self {
+            pixels: vec![0; environments * pixels],
+            observations: vec![0.0; environments * observation],
+            rewards: vec![0.0; environments],
+            is_last: vec![false; environments],
         }
-        self.pixels.append(&mut more.pixels);
-        self.observations.append(&mut more.observations);
-        self.rewards.append(&mut more.rewards);
-        self.is_last.append(&mut more.is_last);
     }
+
+    /// The rows' places, one after the other.
+    pub(super) fn places(&mut self) -> Vec<Place<'_>> {
+        let environments = self.rewards.len();
+        let pixels = shares(&mut self.pixels, environments);
+        let observations = shares(&mut self.observations, environments);
+        let numbers = self.rewards.iter_mut().zip(&mut self.is_last);
+        let shares = pixels.into_iter().zip(observations).zip(numbers);
+        shares
+            .map(|((pixels, observation), (reward, is_last))| Place { pixels, observation, reward, is_last })
+            .collect()
+    }
+}
+
+/// `all` in `count` equal pieces, which may be empty.
+fn shares<T>(mut all: &mut [T], count: usize) -> Vec<&mut [T]> {
+    let width = all.len() / count.max(1);
+    let piece = |_| {
+        let (piece, rest) = std::mem::take(&mut all).split_at_mut(width);
+        all = rest;
+        piece
+    };
+    (0..count).map(piece).collect()
 }

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use vibes_data::{EpisodeBuilder, EpisodeInfo};
+use vibes_data::{Cell, EpisodeBuilder, EpisodeInfo};
 use vibes_env::videos::VideoLibrary;
 use vibes_env::{EpisodeSeeds, Eyes, Start, state_seed};
 
 use super::options::WorldOptions;
-use super::rows::Rows;
+use super::rows::Place;
 use crate::keeper::Keeper;
 
 /// Which episode of which recording: that of state trajectory `state` under distractor trajectory `distractor` in a recording of this seed.
@@ -56,9 +56,10 @@ impl Slot {
         let start = self.eyes.reset(&mut rng, seeds.distractors).map_err(|error| error.to_string())?;
         let mut playing = Playing { key, step: 0, start, kept: None };
         if let Some(keeper) = &self.keeper {
-            may_keep(keeper, key)?;
+            let (index, cell) = may_keep(keeper, key)?;
             let first = self.eyes.frame().map_err(|error| error.to_string())?;
-            playing.kept = Some(EpisodeBuilder::first(key.state, None, first));
+            let acting = keeper.acts_by_pictures.then_some(key.state);
+            playing.kept = Some(EpisodeBuilder::first(index, cell, first).acting_under(acting));
         }
         self.playing = Some(playing);
         Ok(())
@@ -103,14 +104,16 @@ impl Slot {
         keeper.writer.write(&kept.finish(false), info).map_err(|error| error.to_string())
     }
 
-    /// Adds the present row to `rows`.
-    pub(super) fn show(&mut self, draw: bool, reward: f64, rows: &mut Rows) -> Result<(), String> {
-        if draw {
-            rows.pixels.extend_from_slice(self.eyes.picture().map_err(|error| error.to_string())?);
+    /// Writes the present row, with its picture if there is room for one.
+    pub(super) fn show(&mut self, reward: f64, place: Place<'_>) -> Result<(), String> {
+        if !place.pixels.is_empty() {
+            place.pixels.copy_from_slice(self.eyes.picture().map_err(|error| error.to_string())?);
         }
-        rows.observations.extend(self.eyes.observation().iter().map(|&number| number as f32));
-        rows.rewards.push(reward);
-        rows.is_last.push(self.playing.as_ref().is_some_and(|playing| playing.step >= self.steps));
+        for (shown, &number) in place.observation.iter_mut().zip(self.eyes.observation()) {
+            *shown = number as f32;
+        }
+        *place.reward = reward;
+        *place.is_last = self.playing.as_ref().is_some_and(|playing| playing.step >= self.steps);
         Ok(())
     }
 
@@ -140,17 +143,15 @@ impl Slot {
     }
 }
 
-/// Episodes of a recording are told apart by their number under the recording's seed.
-fn may_keep(keeper: &Keeper, key: EpisodeKey) -> Result<(), String> {
+/// The number and cell under which the recording keeps an episode. Its episodes are told apart by their numbers under the recording's seed.
+fn may_keep(keeper: &Keeper, key: EpisodeKey) -> Result<(u32, Option<Cell>), String> {
     let EpisodeKey { seed, state, distractor } = key;
     if seed != keeper.seed {
         return Err(format!("an episode of seed {seed}; this recording keeps those of seed {}", keeper.seed));
     }
-    if state != distractor {
-        return Err(format!("state {state} under distractor {distractor}; kept episodes have one number for both"));
+    let (index, cell) = keeper.place(state, distractor)?;
+    if keeper.writer.has(index) {
+        return Err(format!("episode {index} is in the recording already; begin another"));
     }
-    if keeper.writer.has(state) {
-        return Err(format!("episode {state} is in the recording already; begin another"));
-    }
-    Ok(())
+    Ok((index, cell))
 }

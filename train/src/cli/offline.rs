@@ -7,13 +7,14 @@ use anyhow::Result;
 use clap::Args;
 use vibes_command::{Ending, stop_on_signals};
 use vibes_data::Recording;
-use vibes_train::fit::{End, Go, HeldOut, fit};
+use vibes_train::fit::{End, Event, Go, HeldOut, fit};
 use vibes_train::options::Options;
 use vibes_train::prepare::prepare;
 use vibes_train::run::Run;
 
 use super::flags::OptionArgs;
 use super::progress::Progress;
+use super::window_log::WindowLog;
 use super::{Context, default_run};
 
 #[derive(Debug, Args)]
@@ -36,6 +37,9 @@ pub(crate) struct OfflineArgs {
     /// Updates of the fresh critic that measures the gaps to a bisimulation at every evaluation; 0 leaves them out.
     #[arg(long, default_value_t = 200, value_name = "N", requires = "eval")]
     gap_updates: u64,
+    /// Write which windows every update trains on, and the checksums of their columns, into the run's windows.jsonl.
+    #[arg(long)]
+    log_windows: bool,
     #[command(flatten)]
     options: OptionArgs,
 }
@@ -51,11 +55,16 @@ pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
     let stop = stop_on_signals()?;
     let mut progress = Progress::new(context, &options);
     progress.describe(&run);
+    let mut log = args.log_windows.then(|| WindowLog::open(run.path())).transpose()?;
     let end = fit(&run, &recordings, &device, held_out.as_ref(), &mut |event| {
         progress.show(&event);
+        if let (Some(log), Event::Windows { update, batch }) = (&mut log, &event) {
+            log.add(*update, batch);
+        }
         if stop.load(Ordering::Relaxed) { Go::Stop } else { Go::On }
     })?;
     progress.finish();
+    log.map_or(Ok(()), WindowLog::finish)?;
     report(context, &run, &options, end)?;
     Ok(if end == End::Stopped { Ending::Again } else { Ending::Done })
 }

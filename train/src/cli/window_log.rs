@@ -1,0 +1,51 @@
+//! What every update trained on, for whoever wants to see that another program draws the same: `windows.jsonl` in the run folder.
+//!
+//! In: the batches of a training run. Out: a line an update: where its windows begin, and the SHA-256 of every column `[time, batch, …]`, little-endian.
+
+use std::fs::{File, OpenOptions};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result};
+use serde_json::json;
+use vibes_data::{WindowBatch, sha256_hex};
+
+#[derive(Debug)]
+pub(super) struct WindowLog {
+    path: PathBuf,
+    file: BufWriter<File>,
+    /// The first refusal; the listener of a training run cannot fail.
+    refusal: Option<std::io::Error>,
+}
+
+impl WindowLog {
+    /// Opens the run's log; a run that goes on adds to it.
+    pub(super) fn open(run: &Path) -> Result<Self> {
+        let path = run.join("windows.jsonl");
+        let file = OpenOptions::new().create(true).append(true).open(&path);
+        let file = file.with_context(|| format!("cannot write {}", path.display()))?;
+        Ok(Self { path, file: BufWriter::new(file), refusal: None })
+    }
+
+    pub(super) fn add(&mut self, update: u64, batch: &WindowBatch) {
+        let numbers = |column: &[f32]| sha256_hex(&column.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<_>>());
+        let line = json!({
+            "update": update,
+            "starts": batch.starts,
+            "pixels": sha256_hex(&batch.pixels),
+            "observation": numbers(&batch.observations),
+            "action": numbers(&batch.actions),
+            "previous_action": numbers(&batch.previous_actions),
+            "reward": numbers(&batch.rewards),
+            "is_first": sha256_hex(&batch.is_first.iter().map(|&first| u8::from(first)).collect::<Vec<_>>()),
+        });
+        if let Err(refusal) = writeln!(self.file, "{line}") {
+            self.refusal.get_or_insert(refusal);
+        }
+    }
+
+    pub(super) fn finish(mut self) -> Result<()> {
+        let written = self.file.flush();
+        self.refusal.map_or(written, Err).with_context(|| format!("cannot write {}", self.path.display()))
+    }
+}
