@@ -15,7 +15,7 @@ use rerun::{
 };
 use vibes_data::{Decoded, DecodedRow, Latents};
 
-use crate::input::Frames;
+use crate::input::{Frames, UserColumn};
 use crate::picture::Pixels;
 use crate::picture::color::{self, Color};
 use crate::picture::encode::encode_jpeg;
@@ -38,6 +38,8 @@ pub struct Scene<'a> {
     pub frames: Option<&'a Frames>,
     /// The map, `[rows of the table, 2]`.
     pub positions: &'a [[f32; 2]],
+    /// What colours the map's points, if anything does.
+    pub color: Option<&'a UserColumn>,
     /// Rows of the table to show, in order; the timeline counts them.
     pub rows: &'a [usize],
     /// The neighbours of each of `rows`, in the same order.
@@ -115,8 +117,9 @@ impl Scene<'_> {
 
     fn log_map(&self, stream: &RecordingStream) -> Result<(), SceneError> {
         let all: Vec<[f32; 2]> = (0..self.positions.len()).map(|row| self.at(row)).collect();
+        let colors: Vec<Color> = self.color.map_or_else(|| vec![NONE], point_colors);
         let context = Points2D::new(all)
-            .with_colors([rgba(Color::new(150, 150, 150))])
+            .with_colors(colors.into_iter().map(rgba))
             .with_radii([rerun::Radius::new_ui_points(1.2)]);
         stream.log_static("map/all", &context)?;
         let here: Vec<[f32; 2]> = self.rows.iter().map(|&row| self.at(row)).collect();
@@ -291,6 +294,24 @@ impl Scene<'_> {
         let lines = Scalars::update_fields().with_scalars(values);
         stream.send_columns(entity, [self.time()], lines.columns(vec![names.len(); self.rows.len()])?)?;
         Ok(stream.log_static(entity, &SeriesLines::new().with_names(names.iter().copied()))?)
+    }
+}
+
+/// The points' grey where nothing colours them.
+const NONE: Color = Color::new(150, 150, 150);
+
+/// A colour a row: numbers along the scale of the figures, kinds by their number.
+fn point_colors(column: &UserColumn) -> Vec<Color> {
+    match column {
+        UserColumn::Numbers(values) => {
+            let finite = || values.iter().copied().filter(|value| value.is_finite());
+            let (low, high) = (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
+            let of = |value: f64| color::viridis((value - low) / (high - low).max(1e-12));
+            values.iter().map(|&value| if value.is_finite() { of(value) } else { NONE }).collect()
+        }
+        UserColumn::Kinds { of_row, .. } => {
+            of_row.iter().map(|kind| kind.map_or(NONE, |kind| color::kind(kind as usize))).collect()
+        }
     }
 }
 

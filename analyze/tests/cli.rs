@@ -393,6 +393,50 @@ fn rows_are_chosen_and_a_users_own_column_colours_the_map() {
 }
 
 #[test]
+fn a_users_own_columns_are_probed_and_colour_the_scene() {
+    let out = folder();
+    let l = Latents::read(&GRID.latents()).expect("latents");
+    let line = |row: usize| {
+        let (first, drawn) = (l.row(row)[0], fixture::noise(row as u32));
+        let half = if first > 0.0 { "right" } else { "left" };
+        format!("{},{},{first},{drawn},{half},7\n", l.episode[row], l.step[row])
+    };
+    // Two rows have no line.
+    let lines: String = (2..l.len()).map(line).collect();
+    let mine = out.path().join("mine.csv");
+    std::fs::write(&mine, format!("episode,step,height,drawn,half,same\n{lines}")).expect("table");
+    let target = ["probe", "-o", text(out.path()), "--join", text(&mine), "--target", "height,drawn,half,same"];
+    let (said, told) = good(GRID.path(), &target);
+    assert!(said.contains("of your columns a mean of"), "{said}");
+    assert!(told.contains("2 rows have no value") && told.contains("same does not vary"), "{told}");
+    let probes = json(&out.path().join("probes.json"));
+    let linear = |quantity: &str| {
+        let all = probes["latent"].as_array().expect("scores").iter();
+        all.filter(|score| score["probe"] == "linear")
+            .find(|score| score["quantity"] == quantity)
+            .expect("score")
+            .clone()
+    };
+    let score = |quantity: &str| linear(quantity)["score"]["estimate"].as_f64().expect("score");
+    assert!(score("height") > 0.99 && score("drawn") < 0.1, "{probes}");
+    assert!(linear("half")["measure"] == "accuracy" && score("half") > 0.9);
+    let sections = probes["quantities"].as_array().expect("sections");
+    assert!(sections.iter().any(|named| named["quantity"] == "half" && named["section"] == "target"), "{sections:?}");
+    let svg = std::fs::read_to_string(out.path().join("probes.svg")).expect("figure");
+    assert!(svg.contains("columns of your own"));
+    let unknown = ["probe", "-o", text(out.path()), "--target", "weather"];
+    assert!(bad(GRID.path(), &unknown, 2).contains("no table has a column weather"));
+    let twice = ["probe", "-o", text(out.path()), "--join", text(&mine), "--target", "height", "--fit", "runs/discs"];
+    assert!(bad(GRID.path(), &twice, 2).contains("--fit"));
+
+    let color = ["scene", "--episodes", "3", "-o", text(out.path()), "--join", text(&mine), "--color", "half"];
+    good(GRID.path(), &color);
+    let colored = std::fs::read(out.path().join("scene.rrd")).expect("scene");
+    good(GRID.path(), &color[..5]);
+    assert_ne!(colored, std::fs::read(out.path().join("scene.rrd")).expect("scene"));
+}
+
+#[test]
 fn what_latents_show_is_drawn_side_by_side() {
     let fixture = Fixture::grid(2, 2, 30);
     let row = |step: u32, shade: u8| vibes_data::DecodedRow {

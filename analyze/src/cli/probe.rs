@@ -10,7 +10,7 @@ use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::actions::action_features;
 use crate::figures::{Figure, ProbeChart, ProbeMark, ProbeRow};
-use crate::input::{Frames, find_recording, read_latents};
+use crate::input::{Frames, UserColumn, find_recording, read_latents};
 use crate::output::Column;
 use vibes_measure::Table;
 use vibes_measure::intervals::Interval;
@@ -32,12 +32,18 @@ pub(super) struct Options {
     /// The recording of the latents to fit on [default: the one that they name].
     #[arg(long, value_name = "FOLDER", requires = "fit")]
     fit_recording: Option<PathBuf>,
+    /// Columns to read off as well, of the latents' table or of one that is joined: numbers by R², texts and truth values as classes. They are judged
+    /// on held-out trajectories of the same table.
+    #[arg(long, value_name = "COLUMN,…", value_delimiter = ',', conflicts_with = "fit")]
+    target: Vec<String>,
 }
 
 const TASK: &str = "task: high is good";
 const SYMMETRY: &str = "superfluous by symmetry";
 const DISTRACTORS: &str = "distractors: at chance is good";
+const TARGETS: &str = "columns of your own";
 
+/// The section of what a recording says of itself.
 fn section(about: About) -> &'static str {
     match about {
         About::Task => TASK,
@@ -89,16 +95,42 @@ impl Rows {
 }
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
-    let given = json!({ "fit": options.fit });
-    let mut session = Session::open(&options.input, globals, "probe", given)?;
+    let given = json!({ "fit": options.fit, "target": options.target });
+    let mut session = Session::open_with(&options.input, globals, "probe", given, &options.target)?;
     let frames = session.needed_frames("probe")?;
-    let (latents, outside) = usable(&session.latents);
+    let (keep, outside) = usable(&session.latents);
     if outside > 0 {
         session.remark(format!("{outside} rows lie outside the grid that the others are on and were left out"));
     }
-    let judged = Rows::new(latents, frames);
+    let whole: Vec<usize> = keep.iter().copied().filter(|&row| session.columns.iter().all(|c| c.1.has(row))).collect();
+    if whole.len() < keep.len() {
+        let without = keep.len() - whole.len();
+        session.remark(format!("{without} rows have no value of {} and were left out", options.target.join(" or ")));
+    }
+    if whole.is_empty() {
+        return Err(wrong(format!(
+            "no row has a value of {}: {}",
+            options.target.join(" and "),
+            session.path.display()
+        )));
+    }
+    let judged = Rows::new(chosen(&session.latents, &whole), frames);
     let fitted = options.fit.as_deref().map(|path| open_to_fit(path, options.fit_recording.as_deref())).transpose()?;
-    let (sections, quantities, to_fit) = quantities(&mut session, &judged, fitted.as_ref());
+    let (mut sections, mut quantities, to_fit) = quantities(&mut session, &judged, fitted.as_ref());
+    for (name, column) in session.columns.clone() {
+        if quantities.iter().any(|quantity| quantity.name == name) {
+            return Err(wrong(format!(
+                "--target {name}: a quantity of the recording has this name; rename the column"
+            )));
+        }
+        let target = target(&name, &column, &whole);
+        if target.values.vary() {
+            sections.push(TARGETS);
+            quantities.push(target);
+        } else {
+            session.remark(format!("{name} does not vary and was left out"));
+        }
+    }
     if quantities.is_empty() {
         anyhow::bail!(
             "there is nothing to read off these {} latents: nothing in their recording varies: {}",
@@ -121,8 +153,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         let mean = mean_score(section, &sections, &quantities, &of_latent);
         mean.map_or_else(|| "nothing (none varies)".into(), |mean| format!("a mean of {mean:.3}"))
     };
+    let own = if sections.contains(&TARGETS) { format!(", of your columns {}", mean(TARGETS)) } else { String::new() };
     let line = format!(
-        "probe: linear probes read of the task {}, of the distractors {} (R², accuracy over chance)",
+        "probe: linear probes read of the task {}, of the distractors {}{own} (R², accuracy over chance)",
         mean(TASK),
         mean(DISTRACTORS)
     );
@@ -131,7 +164,8 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
 
 /// The latents to fit on, with their recording.
 fn open_to_fit(path: &Path, recording: Option<&Path>) -> anyhow::Result<Rows> {
-    let (latents, _) = usable(&read_latents(path)?);
+    let read = read_latents(path)?;
+    let latents = chosen(&read, &usable(&read).0);
     let named = latents.source.recording.as_deref().and_then(|named| find_recording(named, path));
     let missing = || {
         wrong(format!(
@@ -176,9 +210,18 @@ fn quantities(
     (sections, own, theirs)
 }
 
+/// A column of the user's own as a quantity of the chosen rows, all of which have a value.
+fn target(name: &str, column: &UserColumn, rows: &[usize]) -> Quantity {
+    let values = match column {
+        UserColumn::Numbers(values) => Values::Numbers(rows.iter().map(|&row| values[row]).collect()),
+        UserColumn::Kinds { of_row, .. } => Values::Classes(rows.iter().filter_map(|&row| of_row[row]).collect()),
+    };
+    Quantity { name: name.to_owned(), hold_out: HoldOut::State, values }
+}
+
 /// The rows that have a reward, so that every quantity has a value in every row (all rows if none has), and a cell if any has one, so that no
 /// cell of a held-out state is left among the others. Also returns how many rows that have none are left out.
-fn usable(l: &Latents) -> (Latents, usize) {
+fn usable(l: &Latents) -> (Vec<usize>, usize) {
     let rewarded = |row: &usize| l.reward[*row].is_some_and(f32::is_finite);
     let on_grid = |row: &usize| l.state[*row].is_some() && l.distractor[*row].is_some();
     let mut keep: Vec<usize> = (0..l.len()).filter(rewarded).collect();
@@ -190,7 +233,12 @@ fn usable(l: &Latents) -> (Latents, usize) {
         keep.retain(on_grid);
     }
     let outside = all - keep.len();
-    let kept = Latents {
+    (keep, outside)
+}
+
+/// These rows of a table.
+fn chosen(l: &Latents, keep: &[usize]) -> Latents {
+    Latents {
         episode: keep.iter().map(|&r| l.episode[r]).collect(),
         step: keep.iter().map(|&r| l.step[r]).collect(),
         state: keep.iter().map(|&r| l.state[r]).collect(),
@@ -199,8 +247,7 @@ fn usable(l: &Latents) -> (Latents, usize) {
         dims: l.dims,
         latent: keep.iter().flat_map(|&r| l.row(r).iter().copied()).collect(),
         source: l.source.clone(),
-    };
-    (kept, outside)
+    }
 }
 
 /// A score on the chart's scale: R² as it is; an accuracy as its share of the way from chance to 1.
@@ -327,5 +374,5 @@ fn short(section: &str) -> &'static str {
     [About::Task, About::Symmetry, About::Distractor]
         .into_iter()
         .find(|about| self::section(*about) == section)
-        .map_or("", About::name)
+        .map_or("target", About::name)
 }

@@ -35,6 +35,9 @@ pub(super) struct Options {
     /// Show the episodes of an online run (RUN/replay) as the policy improved, in place of latents.
     #[arg(long)]
     replay: bool,
+    /// A column to colour the map by: of the latents' table or of one that is joined.
+    #[arg(long, value_name = "COLUMN")]
+    color: Option<String>,
     /// Neighbours shown beside each row.
     #[arg(long, short, default_value_t = 5)]
     k: usize,
@@ -50,8 +53,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         }
         _ => {}
     }
-    let given = json!({ "map": options.map.json(), "episodes": options.episodes, "max_rows": options.max_rows, "k": options.k });
-    let mut session = Session::open(&options.input, globals, "scene", given)?;
+    let given = json!({ "map": options.map.json(), "episodes": options.episodes, "max_rows": options.max_rows, "k": options.k, "color": options.color });
+    let color: Vec<String> = options.color.iter().cloned().collect();
+    let mut session = Session::open_with(&options.input, globals, "scene", given, &color)?;
     let (rows, episodes) = choose(options, &session)?;
     let frames = session.frames()?;
     if frames.is_none() && !session.without_frames() {
@@ -68,6 +72,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         latents: &session.latents,
         frames: frames.as_ref(),
         positions: &made.positions,
+        color: session.columns.first().map(|(_, column)| column),
         rows: &rows,
         neighbours: &neighbours,
         decoded: decoded.as_ref(),

@@ -23,6 +23,15 @@ pub enum UserColumn {
 }
 
 impl UserColumn {
+    /// Whether a row has a value.
+    #[must_use]
+    pub fn has(&self, row: usize) -> bool {
+        match self {
+            Self::Numbers(values) => values.get(row).is_some_and(|value| value.is_finite()),
+            Self::Kinds { of_row, .. } => of_row.get(row).is_some_and(Option::is_some),
+        }
+    }
+
     pub(super) fn read(series: &Series, path: &Path) -> Result<Self, InputError> {
         let expected = "numbers, texts or truth values";
         let fault = |error: PolarsError| column(path, series.name(), error.to_string(), expected);

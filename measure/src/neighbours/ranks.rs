@@ -119,9 +119,9 @@ fn below(scores: &[f32], low: f32, high: f32) -> (u32, u32) {
 
 #[inline(always)]
 fn below_portable(scores: &[f32], low: f32, high: f32) -> (u32, u32) {
-    scores.iter().fold((0, 0), |(surely, perhaps), &score| {
-        (surely + u32::from(score < low), perhaps + u32::from(score <= high))
-    })
+    scores
+        .iter()
+        .fold((0, 0), |(surely, perhaps), &score| (surely + u32::from(score < low), perhaps + u32::from(score <= high)))
 }
 
 #[cfg(target_arch = "x86_64")]
