@@ -3,15 +3,16 @@
 //! In: a run's folder. Out: a [`vibes_env::Policy`] that sees the pictures, or the vector observation, that the run was trained on, and what the
 //! manifest says of it ([`ActedBy`]). The one place where the collector knows about networks.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rand::RngCore;
 use serde::{Deserialize, Serialize};
+use vibes_data::RunFolder;
 use vibes_env::render::{Look, RenderSettings};
 use vibes_env::{EnvironmentOptions, Error as WorldError, Policy, PolicySpec, Sight, Start};
 use vibes_model::ObservationKind;
-use vibes_model::agent::{Agent, Choice};
-use vibes_model::encode::RawFrames;
+use vibes_model::agent::Choice;
+use vibes_model::trained::{TrainedAgent, actor_file};
 
 use crate::{Error, Result};
 
@@ -58,13 +59,13 @@ pub struct Home {
 
 /// Reads what a run was trained in; nothing of a folder that is no run.
 pub fn home(run: &Path) -> Home {
-    let read = |name: &str| -> Option<serde_json::Value> {
-        serde_json::from_str(&std::fs::read_to_string(run.join(name)).ok()?).ok()
-    };
-    let (info, online) = (read("run.json").unwrap_or_default(), read("online.json").unwrap_or_default());
+    let info = RunFolder::at(run).open_info().ok();
+    let online = info.as_ref().and_then(|info| info.options.get("online")).cloned();
+    let read = || serde_json::from_str(&std::fs::read_to_string(run.join("online.json")).ok()?).ok();
+    let online: serde_json::Value = online.or_else(read).unwrap_or_default();
     let world = &online["world"];
     Home {
-        task: info["model"]["task"].as_str().map(str::to_owned),
+        task: info.as_ref().and_then(|info| info.task()).map(str::to_owned),
         action_repeat: world["action_repeat"].as_u64().and_then(|repeat| u32::try_from(repeat).ok()),
         look: serde_json::from_value(world["look"].clone()).unwrap_or_default(),
     }
@@ -74,7 +75,7 @@ pub fn home(run: &Path) -> Home {
 #[derive(Debug)]
 struct Trained {
     name: String,
-    agent: Agent,
+    agent: TrainedAgent,
     pictures: Option<RenderSettings>,
     /// The action executed last, which the agent's networks take in beside the next observation.
     executed: Vec<f32>,
@@ -91,10 +92,7 @@ impl Policy for Trained {
     }
 
     fn act(&mut self, sight: &Sight<'_>, mut rng: &mut dyn RngCore) -> vibes_env::Result<Vec<f64>> {
-        let seen = match self.agent.config().observation {
-            ObservationKind::Pixels { .. } => RawFrames::Pixels(sight.pixels),
-            ObservationKind::Vector { .. } => RawFrames::Vectors(sight.observation),
-        };
+        let seen = self.agent.look(sight.pixels, sight.observation);
         let chosen = self.agent.act(seen, &self.executed, Choice::Mode, &mut rng);
         self.executed =
             chosen.map_err(|error| WorldError::Acting { policy: self.name.clone(), cause: Box::new(error) })?;
@@ -109,16 +107,16 @@ fn load(path: &Path, task: &str) -> Result<(Box<dyn Policy>, ActedBy)> {
         Error::from(WorldError::Policy { text, fact, expected: expected.to_owned() })
     };
     let trained = "a run that `vibes-train online` has trained";
-    let checkpoint = newest_checkpoint(path).ok_or_else(|| refuse("it holds no checkpoint".to_owned(), trained))?;
-    let file = checkpoint.join("behaviour.safetensors");
-    if !file.is_file() {
-        return Err(refuse("it holds no actor".to_owned(), trained));
+    let checkpoint =
+        RunFolder::at(path).newest_checkpoint().map_err(|_none| refuse("it holds no checkpoint".to_owned(), trained))?;
+    let file = actor_file(&checkpoint).ok_or_else(|| refuse("it holds no actor".to_owned(), trained))?;
+    let file = checkpoint.join(file);
+    let agent =
+        TrainedAgent::load(&checkpoint, &vibes_model::cpu()).map_err(|error| refuse(error.to_string(), trained))?;
+    if agent.task() != task {
+        return Err(refuse(format!("it was trained on {}", agent.task()), &format!("a run of {task}")));
     }
-    let agent = Agent::load(&checkpoint, &vibes_model::cpu()).map_err(|error| refuse(error.to_string(), trained))?;
-    if agent.config().task != task {
-        return Err(refuse(format!("it was trained on {}", agent.config().task), &format!("a run of {task}")));
-    }
-    let pictures = match agent.config().observation {
+    let pictures = match agent.observation() {
         ObservationKind::Pixels { height, .. } => Some(RenderSettings { size: height, look: home(path).look }),
         ObservationKind::Vector { .. } => None,
     };
@@ -132,14 +130,4 @@ fn load(path: &Path, task: &str) -> Result<(Box<dyn Policy>, ActedBy)> {
     };
     let name = path.display().to_string();
     Ok((Box::new(Trained { name, agent, pictures, executed: Vec::new() }), acted_by))
-}
-
-/// The folder of the checkpoint with the most updates.
-fn newest_checkpoint(run: &Path) -> Option<PathBuf> {
-    let folders = std::fs::read_dir(run.join("checkpoints")).ok()?;
-    let number = |folder: std::io::Result<std::fs::DirEntry>| {
-        let path = folder.ok()?.path();
-        Some((path.file_name()?.to_str()?.parse::<u64>().ok()?, path))
-    };
-    folders.filter_map(number).max().map(|(_, path)| path)
 }

@@ -40,7 +40,7 @@ pub use place::{find_place, relative_place};
 pub use quantity::{About, Formula, Quantity};
 pub use readable::Readable;
 pub use recording::Recording;
-pub use run::{Metrics, MetricsFile, RUN_FORMAT, RunFolder, RunInfo};
+pub use run::{MODEL_FREE_FORMAT, Metrics, MetricsFile, RUN_FORMAT, RunFolder, RunInfo};
 pub use spec::{ActionSpec, ImageSize, ObservationPart, Spec};
 pub use updates::{Purpose, Windows, update_rng};
 pub use verify::{Finding, verify_episode, verify_recording};

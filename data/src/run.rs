@@ -9,6 +9,8 @@
 //! latents.arrow                     from `vibes-train encode`
 //! ```
 //!
+//! A run without a world model has `model_free.json` in the place of `run.json`, and networks of its own in its checkpoints ([`RunFolder::open_info`] reads both).
+//!
 //! The metrics are open: every numeric field is a metric, whatever its name, so that a new learner needs no change here.
 
 use std::collections::BTreeMap;
@@ -24,6 +26,9 @@ use crate::{Error, Result, find_place, write_atomically};
 
 /// The format's name in `run.json`.
 pub const RUN_FORMAT: &str = "vibes-run/1";
+
+/// The format's name in `model_free.json`.
+pub const MODEL_FREE_FORMAT: &str = "vibes-model-free-run/1";
 
 /// What `run.json` holds. The trainer writes its own types for the options and the model; a reader that knows neither leaves them open.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -58,6 +63,24 @@ impl RunInfo {
     /// An option that is a text, as in `objective`.
     pub fn option(&self, name: &str) -> Option<&str> {
         self.options.get(name)?.as_str()
+    }
+
+    /// What a run without a world model says, under the names that others have: its system is its objective, its world's task the model's, its replay its recording.
+    fn of_model_free(options: Map<String, Value>) -> Self {
+        let text = |value: &Value, key: &str| value.get(key).cloned().unwrap_or_default();
+        let world = options.get("online").map_or(Value::Null, |online| text(online, "world"));
+        let mut named = options.clone();
+        named.insert("objective".to_owned(), options.get("system").cloned().unwrap_or_default());
+        Self {
+            format: MODEL_FREE_FORMAT.to_owned(),
+            model: Map::from_iter([("task".to_owned(), text(&world, "task"))]),
+            options: named,
+            recordings: vec!["replay".to_owned()],
+            from: None,
+            episodes: 0,
+            steps: 0,
+            versions: BTreeMap::new(),
+        }
     }
 
     /// The task of the recordings.
@@ -99,6 +122,11 @@ impl RunFolder {
         self.path.join("run.json")
     }
 
+    /// `model_free.json`, in the place of `run.json` where there is no world model.
+    pub fn model_free_path(&self) -> PathBuf {
+        self.path.join("model_free.json")
+    }
+
     /// The numbers over training.
     pub fn metrics_path(&self) -> PathBuf {
         self.path.join("metrics.jsonl")
@@ -135,13 +163,53 @@ impl RunFolder {
         }
     }
 
+    /// What a run of either kind says, for a reader that knows neither its options nor its model.
+    ///
+    /// # Errors
+    /// As [`RunFolder::info`].
+    pub fn open_info(&self) -> Result<RunInfo> {
+        let file = self.model_free_path();
+        let text = match std::fs::read_to_string(&file) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return self.info(),
+            Err(error) => return Err(Error::io("read", &file)(error)),
+        };
+        let expected = "a model_free.json as vibes-train writes it";
+        let options: Map<String, Value> =
+            serde_json::from_str(&text).map_err(|error| Error::malformed(&file, error.to_string(), expected))?;
+        match options.get("format").and_then(Value::as_str) {
+            Some(MODEL_FREE_FORMAT) => Ok(RunInfo::of_model_free(options)),
+            other => {
+                let fact = format!("format {}", other.unwrap_or("missing"));
+                Err(Error::malformed(&file, fact, format!("this version reads {MODEL_FREE_FORMAT}")))
+            }
+        }
+    }
+
+    /// Every checkpoint's number of updates and its folder, ascending.
+    pub fn checkpoint_folders(&self) -> Vec<(u64, PathBuf)> {
+        let Ok(entries) = std::fs::read_dir(self.path.join("checkpoints")) else { return Vec::new() };
+        let numbered = |entry: std::io::Result<std::fs::DirEntry>| {
+            let entry = entry.ok()?;
+            Some((entry.file_name().to_str()?.parse().ok()?, entry.path()))
+        };
+        let mut folders: Vec<(u64, PathBuf)> = entries.filter_map(numbered).collect();
+        folders.sort_unstable();
+        folders
+    }
+
     /// Every checkpoint's number of updates, ascending.
     pub fn checkpoints(&self) -> Vec<u64> {
-        let Ok(entries) = std::fs::read_dir(self.path.join("checkpoints")) else { return Vec::new() };
-        let number = |entry: std::io::Result<std::fs::DirEntry>| entry.ok()?.file_name().to_str()?.parse().ok();
-        let mut numbers: Vec<u64> = entries.filter_map(number).collect();
-        numbers.sort_unstable();
-        numbers
+        self.checkpoint_folders().into_iter().map(|(update, _)| update).collect()
+    }
+
+    /// The folder of the newest checkpoint.
+    ///
+    /// # Errors
+    /// [`Error::NoCheckpoint`].
+    pub fn newest_checkpoint(&self) -> Result<PathBuf> {
+        let newest = self.checkpoint_folders().pop();
+        newest.map(|(_, path)| path).ok_or_else(|| Error::NoCheckpoint { path: self.path.clone() })
     }
 
     /// The folder of a checkpoint.
@@ -154,9 +222,7 @@ impl RunFolder {
     /// # Errors
     /// [`Error::NoCheckpoint`].
     pub fn newest_model(&self) -> Result<PathBuf> {
-        let newest =
-            self.checkpoints().last().copied().ok_or_else(|| Error::NoCheckpoint { path: self.path.clone() })?;
-        Ok(self.checkpoint_path(newest).join("model.safetensors"))
+        Ok(self.newest_checkpoint()?.join("model.safetensors"))
     }
 
     /// A recording that `run.json` names, if it is still where the run can find it.
@@ -265,6 +331,20 @@ mod tests {
         std::fs::write(run.info_path(), INFO.replace("vibes-run/1", "vibes-run/9")).unwrap();
         let error = run.info::<Value, Value>().unwrap_err().to_string();
         assert!(error.contains("format vibes-run/9; this version reads vibes-run/1"), "{error}");
+    }
+
+    #[test]
+    fn a_run_without_a_world_model_is_read_by_the_same_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = RunFolder::at(folder.path());
+        let text = r#"{"format":"vibes-model-free-run/1","system":"sac-drq","size":"small","online":{"world":{"task":"known-slide"}}}"#;
+        std::fs::write(run.model_free_path(), text).unwrap();
+        let info = run.open_info().unwrap();
+        assert_eq!((info.option("objective"), info.option("size"), info.task()), (Some("sac-drq"), Some("small"), Some("known-slide")));
+        assert_eq!(info.recording_names(), ["replay"]);
+        std::fs::write(run.model_free_path(), text.replace("run/1", "run/9")).unwrap();
+        let error = run.open_info().unwrap_err().to_string();
+        assert!(error.contains("format vibes-model-free-run/9"), "{error}");
     }
 
     #[test]

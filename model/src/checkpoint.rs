@@ -69,7 +69,9 @@ pub fn save_tensors(path: &Path, tensors: &HostTensors, metadata: HashMap<String
             TensorView::new(Dtype::F32, tensor.shape.clone(), bytes).map_err(|error| not_a_checkpoint(path, error))?;
         views.push((name.as_str(), view));
     }
-    let bytes = safetensors::serialize(views, Some(metadata)).map_err(|error| not_a_checkpoint(path, error))?;
+    // A header without any entry is written in a way that cannot be read again.
+    let metadata = (!metadata.is_empty()).then_some(metadata);
+    let bytes = safetensors::serialize(views, metadata).map_err(|error| not_a_checkpoint(path, error))?;
     fs::write(path, bytes).map_err(|cause| ModelError::Io { path: path.to_owned(), action: "write", cause })
 }
 

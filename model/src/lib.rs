@@ -15,6 +15,7 @@
 //! | [`cross_entropy`] | the action a critic values most |
 //! | [`sac`], [`slow`] | the networks of agents without a world model, and slow copies |
 //! | [`agent`], [`behaviour`] | a trained agent at work; actor and critic together, and their file |
+//! | [`trained`] | whatever was trained, in one shape for everyone who only uses it |
 //! | [`checkpoint`], [`parameters`] | weights on disk and by name |
 //! | [`encode`], [`scale`] | a trained encoder at work, and how raw numbers enter it |
 //!
@@ -52,6 +53,7 @@ pub mod reward;
 pub mod sac;
 pub mod scale;
 pub mod slow;
+pub mod trained;
 pub mod values;
 
 #[cfg(test)]

@@ -10,9 +10,12 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn, PyUntypedArr
 use pyo3::prelude::*;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use vibes_model::agent::{Agent, Choice};
-use vibes_model::encode::{EpisodeEncoder, RawFrames};
-use vibes_model::{ModelConfig, ObservationKind};
+use serde::Serialize;
+use vibes_data::RunFolder;
+use vibes_model::ObservationKind;
+use vibes_model::agent::Choice;
+use vibes_model::encode::RawFrames;
+use vibes_model::trained::{Trained, TrainedAgent, actor_file, encoder_file};
 
 use crate::arrays::shaped;
 use crate::error::{refused, unlocked};
@@ -24,8 +27,8 @@ const CHUNK: usize = 128;
 #[pyclass(frozen, module = "vibes._vibes")]
 pub(crate) struct Model {
     checkpoint: PathBuf,
-    config: ModelConfig,
-    model: Mutex<vibes_model::Model>,
+    facts: Facts,
+    trained: Mutex<Trained>,
     actor: Option<Mutex<Acting>>,
 }
 
@@ -35,9 +38,27 @@ impl std::fmt::Debug for Model {
     }
 }
 
+/// What every kind of model has.
+struct Facts {
+    observation: ObservationKind,
+    actions: usize,
+    latent: usize,
+}
+
+/// What a model without a world model says of itself.
+#[derive(Serialize)]
+struct ModelFreeConfig<'a> {
+    task: &'a str,
+    observation: ObservationKind,
+    latent: usize,
+    latents: &'a str,
+    action_min: &'a [f32],
+    action_max: &'a [f32],
+}
+
 /// An agent in the middle of an episode.
 struct Acting {
-    agent: Agent,
+    agent: TrainedAgent,
     /// The action executed last, which the networks take in beside the next observation.
     executed: Vec<f32>,
     rng: ChaCha8Rng,
@@ -75,7 +96,16 @@ impl Model {
 
     /// What the model is: its task, what it looks at, the bounds of its actions, its sizes.
     fn config<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Ok(pythonize::pythonize(py, &self.config)?)
+        match &*lock(&self.trained) {
+            Trained::World(model) => Ok(pythonize::pythonize(py, &model.config)?),
+            Trained::ModelFree(agent) => {
+                let [action_min, action_max] = agent.bounds();
+                let (task, observation, latent) = (agent.task(), agent.observation(), agent.latent());
+                let latents = agent.latents();
+                let config = ModelFreeConfig { task, observation, latent, latents, action_min, action_max };
+                Ok(pythonize::pythonize(py, &config)?)
+            }
+        }
     }
 
     /// Whether it has an actor.
@@ -92,16 +122,16 @@ impl Model {
         previous_actions: PyReadonlyArray2<'py, f32>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (seen, rows) = self.seen(observations)?;
-        let width = self.config.actions();
+        let width = self.facts.actions;
         if previous_actions.shape() != [rows, width] {
             let found = previous_actions.shape();
             return Err(refused(format!("previous actions of shape {found:?}; right is [{rows}, {width}]")));
         }
         let actions: Vec<f32> = previous_actions.as_array().iter().copied().collect();
         let latents = unlocked(py, || {
-            let model = lock(&self.model);
-            let mut encoder = EpisodeEncoder::new(&model, &vibes_model::cpu());
-            let mut latents = Vec::with_capacity(rows * self.config.latent);
+            let trained = lock(&self.trained);
+            let mut encoder = trained.encoder().episode(&vibes_model::cpu());
+            let mut latents = Vec::with_capacity(rows * self.facts.latent);
             for start in (0..rows).step_by(CHUNK) {
                 let chunk = start..rows.min(start + CHUNK);
                 let before = &actions[chunk.start * width..chunk.end * width];
@@ -109,7 +139,7 @@ impl Model {
             }
             Ok::<_, vibes_model::ModelError>(latents)
         })?;
-        Ok(shaped(py, latents, &[rows, self.config.latent])?.into_any())
+        Ok(shaped(py, latents, &[rows, self.facts.latent])?.into_any())
     }
 
     /// Forgets the episode before.
@@ -153,8 +183,9 @@ impl Model {
 impl Model {
     /// The newest checkpoint of a run's folder, or a checkpoint's folder itself.
     fn load(path: &Path) -> Result<Self, String> {
-        let file = |folder: &Path| folder.join("model.safetensors").is_file();
-        let checkpoint = if file(path) { Some(path.to_owned()) } else { newest_checkpoint(path).filter(|at| file(at)) };
+        let holds = |folder: &Path| encoder_file(folder).is_some();
+        let newest = || RunFolder::at(path).newest_checkpoint().ok().filter(|at| holds(at));
+        let checkpoint = if holds(path) { Some(path.to_owned()) } else { newest() };
         let checkpoint = checkpoint.ok_or_else(|| {
             format!(
                 "no checkpoint here; right is the folder of a run that `vibes-train` has trained: {}",
@@ -163,11 +194,14 @@ impl Model {
         })?;
         let device = vibes_model::cpu();
         let words = |error: vibes_model::ModelError| error.to_string();
-        let model = vibes_model::Model::load(&checkpoint.join("model.safetensors"), &device).map_err(words)?;
-        let has_actor = checkpoint.join("behaviour.safetensors").is_file();
-        let agent = has_actor.then(|| Agent::load(&checkpoint, &device)).transpose().map_err(words)?;
+        let trained = Trained::load(&checkpoint, &device).map_err(words)?;
+        let has_actor = actor_file(&checkpoint).is_some();
+        let agent = has_actor.then(|| TrainedAgent::load(&checkpoint, &device)).transpose().map_err(words)?;
         let acting = |agent| Mutex::new(Acting { agent, executed: Vec::new(), rng: ChaCha8Rng::seed_from_u64(0) });
-        Ok(Self { checkpoint, config: model.config.clone(), model: Mutex::new(model), actor: agent.map(acting) })
+        let encoder = trained.encoder();
+        let facts =
+            Facts { observation: encoder.observation(), actions: encoder.actions(), latent: encoder.latent() };
+        Ok(Self { checkpoint, facts, trained: Mutex::new(trained), actor: agent.map(acting) })
     }
 
     fn actor(&self) -> PyResult<&Mutex<Acting>> {
@@ -180,7 +214,7 @@ impl Model {
 
     /// Numbers or bytes of one observation.
     fn row_len(&self) -> usize {
-        match self.config.observation {
+        match self.facts.observation {
             ObservationKind::Pixels { height, width } => 3 * height * width,
             ObservationKind::Vector { len } => len,
         }
@@ -192,7 +226,7 @@ impl Model {
             let shape = observations.getattr("shape").map_or_else(|_| "none".to_owned(), |shape| shape.to_string());
             refused(format!("observations of shape {shape}; this model looks at {right}"))
         };
-        match self.config.observation {
+        match self.facts.observation {
             ObservationKind::Pixels { height, width } => {
                 let right = || wrong(format!("uint8 [rows, {height}, {width}, 3]"));
                 let array: PyReadonlyArrayDyn<'_, u8> = observations.extract().map_err(|_other| right())?;
@@ -214,14 +248,4 @@ impl Model {
 /// A thread that panicked while it held the lock leaves a model whole, which is only read, and an agent whose next episode begins anew.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// The folder of the checkpoint with the most updates.
-fn newest_checkpoint(run: &Path) -> Option<PathBuf> {
-    let folders = std::fs::read_dir(run.join("checkpoints")).ok()?;
-    let number = |folder: std::io::Result<std::fs::DirEntry>| {
-        let path = folder.ok()?.path();
-        Some((path.file_name()?.to_str()?.parse::<u64>().ok()?, path))
-    };
-    folders.filter_map(number).max().map(|(_, path)| path)
 }

@@ -14,10 +14,10 @@ use rand_chacha::ChaCha8Rng;
 use vibes_data::{Decoded, DecodedRow, EpisodeView, Recording, relative_place};
 use vibes_model::decoder::Decoder;
 use vibes_model::dynamics::Dynamics;
-use vibes_model::encode::EpisodeEncoder;
 use vibes_model::kernels::pixel_tensor;
 use vibes_model::observe::Frames;
 use vibes_model::parameters::{read_parameters, to_values};
+use vibes_model::trained::TrainedEncoder;
 use vibes_model::{Model, ModelConfig, ObservationKind, scale};
 
 use crate::encode::{check_fit, encode_rows, folder_of};
@@ -86,7 +86,7 @@ pub fn decode(
     listen: &mut dyn FnMut(u64),
 ) -> Result<Decoding> {
     for recording in [fit, show] {
-        check_fit(model, recording)?;
+        check_fit(model.into(), recording)?;
     }
     let ObservationKind::Pixels { height, width } = model.config.observation else {
         return Err(TrainError::OtherRecording {
@@ -124,9 +124,9 @@ fn decoder_config(config: &ModelConfig) -> ModelConfig {
 /// The states of a whole episode, the model's weights fixed.
 fn states(model: &Model, episode: &EpisodeView, device: &Device) -> Result<States> {
     let device = &device.clone().inner();
-    let mut encoder = EpisodeEncoder::new(model, device);
+    let encoder = TrainedEncoder::World(model);
     let rows = episode.rows();
-    let latent = encode_rows(model, &mut encoder, episode, 0..rows)?;
+    let latent = encode_rows(encoder, &mut encoder.episode(device), episode, 0..rows)?;
     let (dims, wide) = (model.config.latent, model.config.hidden);
     let mut hidden = vec![0.0; wide];
     if rows > 1 {

@@ -1,48 +1,48 @@
-//! Latents of a recording: the posterior mean of every row of every episode, the last row among them. The encoder follows each episode from its start, a
+//! Latents of a recording: the posterior mean of every row of every episode, the last row among them, or what an agent without a world model sees there. The encoder follows each episode from its start, a
 //! chunk of rows at a time, and the table is written chunk by chunk, so memory follows the chunk.
 
 use std::path::Path;
 
 use burn::tensor::Device;
 use vibes_data::{EpisodeEntry, EpisodeView, Latents, LatentsSource, LatentsWriter, Recording, relative_place};
-use vibes_model::encode::{EpisodeEncoder, RawFrames};
-use vibes_model::sac::SacAgent;
-use vibes_model::{Model, ObservationKind};
+use vibes_model::ObservationKind;
+use vibes_model::encode::RawFrames;
+use vibes_model::trained::{EpisodeLatents, TrainedEncoder};
 
 use crate::error::{Result, TrainError};
 
 /// Rows encoded at a time.
 const CHUNK: usize = 128;
 
-/// Writes the latents of every episode to `output`; `checkpoint` is the model's file, for the table's metadata. `listen` gets the number of rows done
+/// Writes the latents of every episode to `output`; `checkpoint` is the encoder's file, for the table's metadata. `listen` gets the number of rows done
 /// after every chunk.
 ///
 /// # Errors
-/// The recording does not fit the model, or the table cannot be written.
+/// The recording does not fit the encoder, or the table cannot be written.
 pub fn encode_recording(
-    model: &Model,
+    encoder: TrainedEncoder<'_>,
     checkpoint: &Path,
     recording: &Recording,
     output: &Path,
     device: &Device,
     listen: &mut dyn FnMut(u64),
 ) -> Result<()> {
-    check_fit(model, recording)?;
+    check_fit(encoder, recording)?;
     let source = LatentsSource {
         recording: Some(relative_place(recording.path(), folder_of(output))),
         checkpoint: Some(relative_place(checkpoint, folder_of(output))),
     };
-    let mut table = LatentsWriter::create(output, model.config.latent, &source)?;
-    let mut encoder = EpisodeEncoder::new(model, device);
+    let mut table = LatentsWriter::create(output, encoder.latent(), &source)?;
+    let mut latents = encoder.episode(device);
     let mut done = 0;
     for entry in recording.episodes() {
         let episode = recording.episode(entry.index)?;
-        encoder.reset();
+        latents.reset();
         for start in (0..episode.rows()).step_by(CHUNK) {
             let rows = start..episode.rows().min(start + CHUNK);
             done += rows.len() as u64;
-            let latent = encode_rows(model, &mut encoder, &episode, rows.clone())?;
-            table.append(&chunk(entry, &episode, rows, model.config.latent, latent))?;
+            let latent = encode_rows(encoder, &mut latents, &episode, rows.clone())?;
+            table.append(&chunk(entry, &episode, rows, encoder.latent(), latent))?;
             listen(done);
         }
     }
@@ -54,50 +54,51 @@ pub(crate) fn folder_of(file: &Path) -> &Path {
     file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Posterior means of some rows of an episode, which must follow those encoded before: `[rows, latent]`.
+/// Latents of some rows of an episode, which must follow those encoded before: `[rows, latent]`.
 ///
 /// # Errors
-/// The observations are not the model's.
+/// The observations are not the encoder's.
 pub fn encode_rows(
-    model: &Model,
-    encoder: &mut EpisodeEncoder<'_>,
+    encoder: TrainedEncoder<'_>,
+    latents: &mut EpisodeLatents<'_>,
     episode: &EpisodeView,
     rows: std::ops::Range<usize>,
 ) -> Result<Vec<f32>> {
-    let mut previous = Vec::with_capacity(rows.len() * model.config.actions());
+    let width = encoder.actions();
+    let mut previous = Vec::with_capacity(rows.len() * width);
     for row in rows.clone() {
         match row {
-            0 => previous.resize(model.config.actions(), 0.0),
+            0 => previous.resize(width, 0.0),
             _ => previous.extend_from_slice(episode.action(row - 1)),
         }
     }
-    let latent = match model.config.observation {
+    let latent = match encoder.observation() {
         ObservationKind::Pixels { .. } => {
             let pixels: Vec<u8> = rows.flat_map(|row| episode.pixels(row)).copied().collect();
-            encoder.push(RawFrames::Pixels(&pixels), &previous)
+            latents.push(RawFrames::Pixels(&pixels), &previous)
         }
         ObservationKind::Vector { .. } => {
             let observations: Vec<f32> = rows.flat_map(|row| episode.observation(row)).copied().collect();
-            encoder.push(RawFrames::Vectors(&observations), &previous)
+            latents.push(RawFrames::Vectors(&observations), &previous)
         }
     };
     Ok(latent?)
 }
 
-/// Checks that a model can read a recording.
+/// Checks that an encoder can read a recording.
 ///
 /// # Errors
 /// Pictures of another size, or actions of another number.
-pub fn check_fit(model: &Model, recording: &Recording) -> Result<()> {
+pub fn check_fit(encoder: TrainedEncoder<'_>, recording: &Recording) -> Result<()> {
     let spec = &recording.manifest().spec;
-    let config = &model.config;
-    let fits = match config.observation {
+    let (observation, actions) = (encoder.observation(), encoder.actions());
+    let fits = match observation {
         ObservationKind::Pixels { height, width } => {
             spec.pixels.is_some_and(|size| (size.height as usize, size.width as usize) == (height, width))
         }
         ObservationKind::Vector { len } => spec.observation_len() == len,
     };
-    if fits && spec.action.min.len() == config.actions() {
+    if fits && spec.action.min.len() == actions {
         return Ok(());
     }
     let pixels = spec.pixels.map_or("no pixels".to_owned(), |size| format!("pixels of {}×{}", size.height, size.width));
@@ -107,7 +108,7 @@ pub fn check_fit(model: &Model, recording: &Recording) -> Result<()> {
         spec.observation_len(),
         spec.action.min.len()
     );
-    let wanted = format!("{} with {} and {} actions", config.task, config.observation, config.actions());
+    let wanted = format!("{} with {observation} and {actions} actions", encoder.task());
     Err(TrainError::OtherRecording { found, wanted, path: recording.path().to_owned() })
 }
 
@@ -129,39 +130,4 @@ fn chunk(
         latent,
         source: LatentsSource::default(),
     }
-}
-
-/// The features of every picture of a recording, as [`encode_recording`], by an agent without a world model: what its critics see in the stack that ends with the picture.
-///
-/// # Errors
-/// The recording's pictures are of another size than the agent's, or the table cannot be written.
-pub fn encode_stacks(
-    agent: &mut SacAgent,
-    checkpoint: &Path,
-    recording: &Recording,
-    output: &Path,
-    listen: &mut dyn FnMut(u64),
-) -> Result<()> {
-    let dims = agent.config().feature;
-    let source = LatentsSource {
-        recording: Some(relative_place(recording.path(), folder_of(output))),
-        checkpoint: Some(relative_place(checkpoint, folder_of(output))),
-    };
-    let mut table = LatentsWriter::create(output, dims, &source)?;
-    let mut done = 0;
-    for entry in recording.episodes() {
-        let episode = recording.episode(entry.index)?;
-        agent.begin();
-        for start in (0..episode.rows()).step_by(CHUNK) {
-            let rows = start..episode.rows().min(start + CHUNK);
-            done += rows.len() as u64;
-            let mut features = Vec::with_capacity(rows.len() * dims);
-            for row in rows.clone() {
-                features.extend(agent.observe(episode.pixels(row))?);
-            }
-            table.append(&chunk(entry, &episode, rows, dims, features))?;
-            listen(done);
-        }
-    }
-    Ok(table.finish()?)
 }

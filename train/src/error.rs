@@ -83,6 +83,12 @@ pub enum TrainError {
         /// The run folder.
         path: PathBuf,
     },
+    /// A run without a world model where one is needed.
+    #[error("this run's agent has no world model; name a run of `vibes-train offline`, or of `vibes-train online` without --agent: {}", path.display())]
+    NoWorldModel {
+        /// The run folder.
+        path: PathBuf,
+    },
     /// The training has left the numbers.
     #[error("update {update} diverged: {what} is {value}; the last good checkpoint is kept; try a lower --lr: {}", run.display())]
     Diverged {

@@ -1,4 +1,4 @@
-//! How good the latents are, on a held-out grid of state trajectories × distractor trajectories. In: a model, a grid recording, and the recordings it was trained
+//! How good the latents are, on a held-out grid of state trajectories × distractor trajectories. In: an encoder, a grid recording, and the recordings it was trained
 //! on where they are at hand. Out: the numbers of `vibes-measure` under their names, each beside what past actions alone would give: on a grid every cell of a
 //! row shares its actions, so an encoder that sees only those already scores well.
 
@@ -12,7 +12,7 @@ use vibes_data::Recording;
 use vibes_measure::invariance::Grid;
 use vibes_measure::numbers::{GridOptions, Numbers, grid_numbers, probe_numbers};
 use vibes_measure::probes::{Fit, ProbeOptions, ProbeScore, Quantity, Sample, probe};
-use vibes_model::Model;
+use vibes_model::trained::TrainedEncoder;
 
 use crate::encode::check_fit;
 use crate::error::{Result, TrainError};
@@ -55,25 +55,25 @@ pub struct Report {
     pub fitted_on: Option<usize>,
 }
 
-/// Evaluates a model on a grid.
+/// Evaluates latents on a grid; the recurrent state and rewards open loop belong to a world model alone.
 ///
 /// # Errors
-/// The recording is no grid, or does not fit the model, or the latents do not vary.
+/// The recording is no grid, or does not fit the encoder, or the latents do not vary.
 pub fn evaluate(
-    model: &Model,
+    encoder: TrainedEncoder<'_>,
     grid: &Recording,
     training: &[Recording],
     options: EvaluateOptions,
     device: &Device,
 ) -> Result<Report> {
-    training.iter().chain([grid]).try_for_each(|recording| check_fit(model, recording))?;
+    training.iter().chain([grid]).try_for_each(|recording| check_fit(encoder, recording))?;
     let judged = Rows::of(std::slice::from_ref(grid), usize::MAX)?;
     let fitted = Rows::of(training, options.probe_episodes)?;
     if judged.is_empty() {
         return Err(no_grid("no episodes", grid));
     }
-    let tables = features(model, &judged, device)?;
-    let tables_to_fit = features(model, &fitted, device)?;
+    let tables = features(encoder, &judged, device)?;
+    let tables_to_fit = features(encoder, &fitted, device)?;
     let mut numbers = grid_of(&judged, &tables[0], grid, options.seed)?;
     let probes = Probes::of(&judged, &fitted, options.seed);
     let control = probes.read(&judged.past_actions(), (!fitted.is_empty()).then(|| fitted.past_actions()).as_ref())?;
@@ -81,7 +81,7 @@ pub fn evaluate(
         let scores = probes.read(table, tables_to_fit.get(at))?;
         numbers.extend(probe_numbers(table.name, &scores, Some(&control)));
     }
-    if let [latents, states, ..] = &tables[..] {
+    if let (TrainedEncoder::World(model), [latents, states, ..]) = (encoder, &tables[..]) {
         numbers.extend(open_loop(model, &judged, (latents, states), options.seed, device)?);
     }
     let fitted_on = (!fitted.is_empty()).then(|| fitted.episodes());

@@ -168,7 +168,7 @@ impl Training<'_> {
         let update = self.session.state.update;
         if last || update.is_multiple_of(held_out.every.max(1)) {
             let report =
-                evaluate(&learner.model, &held_out.grid, self.recordings, EvaluateOptions::default(), self.device)?;
+                evaluate((&learner.model).into(), &held_out.grid, self.recordings, EvaluateOptions::default(), self.device)?;
             let gaps = match held_out.gap_updates {
                 0 => None,
                 updates => {

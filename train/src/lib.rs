@@ -11,6 +11,7 @@
 //! | [`replay`] | what online training has lived through |
 //! | [`run`], [`metrics`], [`vibes_measure::spectrum`] | the run folder, its numbers over time |
 //! | [`mod@summary`], [`tensorboard`] | those numbers on one page, and for TensorBoard |
+//! | [`trained`] | a run folder of either kind, opened to be read |
 //! | [`sweep`] | many runs from one plan |
 //! | [`mod@keep`] | a small copy of a run |
 //! | [`encode`] | a trained run's latents of a recording |
@@ -39,6 +40,7 @@ pub mod session;
 pub mod summary;
 pub mod sweep;
 pub mod tensorboard;
+pub mod trained;
 pub mod windows;
 
 pub use error::{Result, TrainError};

@@ -28,6 +28,7 @@ use vibes_model::agent::{Agent, Choice};
 use vibes_model::behaviour::Behaviour;
 use vibes_model::checkpoint::{load_tensors, save_tensors};
 use vibes_model::returns::ReturnScale;
+use vibes_model::trained::TrainedAgent;
 
 use crate::error::{Result, TrainError, io, malformed};
 use crate::fit::{End, Go};
@@ -261,7 +262,7 @@ impl Training<'_> {
             }
             let begun = Instant::now();
             let agent = Agent::new(&learner.model, &behaviour.behaviour.actor, self.setup.device);
-            let agent = actor::Acting::World(Box::new(agent));
+            let agent = TrainedAgent::World(Box::new(agent));
             let policy = format!("online:update={}", self.session.state.update);
             self.acting.begin(self.training_task(Some(agent), policy))?;
             let due = self.state.credit.floor();
@@ -293,7 +294,7 @@ impl Training<'_> {
         }
     }
 
-    fn training_task(&self, agent: Option<actor::Acting>, policy: String) -> Task {
+    fn training_task(&self, agent: Option<TrainedAgent>, policy: String) -> Task {
         let number = self.state.episodes;
         let seed = self.setup.run.info().options.seed;
         Task {
@@ -404,7 +405,7 @@ impl Training<'_> {
             return Ok(Go::On);
         }
         let agent = Agent::new(&learner.model, &behaviour.behaviour.actor, self.setup.device);
-        let agent = actor::Acting::World(Box::new(agent));
+        let agent = TrainedAgent::World(Box::new(agent));
         let seed = self.setup.run.info().options.seed;
         let counters = evaluate::Counters {
             update: self.session.state.update,

@@ -76,7 +76,7 @@ impl Run {
     pub fn create_or_open(path: &Path, info: RunInfo) -> Result<Self> {
         let folder = RunFolder::at(path);
         let lock = Some(Arc::new(FolderLock::acquire(path)?));
-        if !folder.info_path().exists() {
+        if !folder.info_path().exists() && !folder.model_free_path().exists() {
             fs::create_dir_all(path.join("checkpoints")).map_err(io("create", path))?;
             let run = Self { folder, info, _lock: lock };
             run.write_info()?;
@@ -113,9 +113,12 @@ impl Run {
     /// Opens a run to read it.
     ///
     /// # Errors
-    /// There is none, or its `run.json` is damaged.
+    /// There is none, or one without a world model, or its `run.json` is damaged.
     pub fn open(path: &Path) -> Result<Self> {
         let folder = RunFolder::at(path);
+        if folder.model_free_path().exists() {
+            return Err(TrainError::NoWorldModel { path: path.to_owned() });
+        }
         let info = folder.info()?;
         Ok(Self { folder, info, _lock: None })
     }
@@ -133,6 +136,11 @@ impl Run {
     /// The folder.
     pub fn path(&self) -> &Path {
         self.folder.path()
+    }
+
+    /// Where its files lie.
+    pub fn places(&self) -> &RunFolder {
+        &self.folder
     }
 
     /// The metrics.

@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use serde_json::Value as Json;
-use vibes_data::{Metrics, write_atomically};
+use vibes_data::{Metrics, RunFolder, write_atomically};
 
 use crate::error::Result;
 use crate::evaluate::open_loop::AHEAD;
@@ -26,6 +26,70 @@ pub fn write_summary(run: &Run) -> Result<()> {
     Ok(write_atomically(&run.path().join("summary.md"), page.as_bytes())?)
 }
 
+/// Writes the page of a run without a world model, from the numbers on disk.
+///
+/// # Errors
+/// The numbers cannot be read or the page cannot be written.
+pub fn write_model_free_summary(folder: &RunFolder) -> Result<()> {
+    let info = folder.open_info()?;
+    let metrics = Metrics::read(&folder.metrics_path())?;
+    let evaluations = Metrics::read(&folder.evaluations_path())?.lines.into_iter().map(Json::Object).collect::<Vec<_>>();
+    let page = model_free_summary(&folder.name(), &info, &metrics, &evaluations);
+    Ok(write_atomically(&folder.path().join("summary.md"), page.as_bytes())?)
+}
+
+fn model_free_summary(name: &str, info: &vibes_data::RunInfo, metrics: &Metrics, evaluations: &[Json]) -> String {
+    let mut page = format!("# {name}\n\n");
+    let option = |name: &str| info.options.get(name).unwrap_or(&Json::Null);
+    let online = option("online");
+    let text = |name: &str| option(name).as_str().unwrap_or("").to_owned();
+    push(&mut page, &format!("* System **{}** ({}) on {}", text("system"), text("size"), info.task().unwrap_or("")));
+    push(&mut page, &format!("* {} updates an agent step; seed {}", option("updates_per_step"), option("seed")));
+    let last = |name: &str| metrics.last(name);
+    let counted = |name: &str| last(name).unwrap_or(0.0);
+    push(
+        &mut page,
+        &format!(
+            "\n## After {} of {} control steps\n\n{} agent steps, {} episodes, {} updates.\n",
+            counted("control_steps"),
+            online["control_steps"],
+            counted("agent_steps"),
+            counted("episodes"),
+            counted("update")
+        ),
+    );
+    push(&mut page, "| quantity, mean of the last round's updates | value |\n|---|---|");
+    for name in ["training_return", "critic_loss", "auxiliary_loss", "target", "target_over_bound", "entropy", "temperature"] {
+        if let Some(value) = last(name) {
+            push(&mut page, &format!("| {} | {value:.3} |", name.replace('_', " ")));
+        }
+    }
+    returns(&mut page, evaluations);
+    page
+}
+
+/// Mean returns of whole episodes over control steps.
+fn returns(page: &mut String, evaluations: &[Json]) {
+    if evaluations.is_empty() {
+        return;
+    }
+    push(page, "\n## Mean return [95 % interval]\n\n| control steps | held-out videos | training videos |\n|---|---|---|");
+    for index in shown(evaluations.len()) {
+        let line = &evaluations[index];
+        let cell = |set: &str| {
+            let found = &line[set];
+            let Some(mean) = found["mean_return"].as_f64() else { return "–".to_owned() };
+            let ends = ["/interval/0", "/interval/1"].map(|end| found.pointer(end).and_then(Json::as_f64));
+            match ends {
+                [Some(low), Some(high)] => format!("{mean:.1} [{low:.1}, {high:.1}]"),
+                _ => format!("{mean:.1}"),
+            }
+        };
+        let cells = ["held_out", "training_videos"].map(cell);
+        push(page, &format!("| {} | {} |", line["control_steps"], cells.join(" | ")));
+    }
+}
+
 /// The page.
 fn summary(name: &str, info: &RunInfo, rows: &[Row], evaluations: &[Json]) -> String {
     let mut page = format!("# {name}\n\n");
@@ -33,9 +97,14 @@ fn summary(name: &str, info: &RunInfo, rows: &[Row], evaluations: &[Json]) -> St
     if let Some(last) = rows.last() {
         progress(&mut page, info, last);
     }
-    if let Some(last) = evaluations.last() {
-        held_out(&mut page, evaluations);
-        probes(&mut page, last);
+    match evaluations.last() {
+        // Online training evaluates whole episodes, offline training a grid.
+        Some(last) if last.get("held_out").is_some() => returns(&mut page, evaluations),
+        Some(last) => {
+            held_out(&mut page, evaluations);
+            probes(&mut page, last);
+        }
+        None => {}
     }
     page
 }

@@ -25,7 +25,7 @@ fn numbers(reward: Reward) -> Numbers {
     let device = Device::flex();
     fit(&run, &training, &device, None, &mut |_| Go::On).unwrap();
     let model = Model::load(&run.newest_model().unwrap(), &device).unwrap();
-    evaluate(&model, &grid, &training, EvaluateOptions::default(), &device).unwrap().numbers
+    evaluate((&model).into(), &grid, &training, EvaluateOptions::default(), &device).unwrap().numbers
 }
 
 #[test]

@@ -29,7 +29,7 @@ pub struct Run {
     pub path: PathBuf,
     /// The folder's name.
     pub name: String,
-    /// `run.json`, if there is one.
+    /// `run.json` or `model_free.json`, if there is one.
     pub info: Option<RunInfo>,
     /// What the x axis of the series counts, as in `update`.
     pub clock: String,
@@ -51,7 +51,7 @@ impl Run {
         }
         let metrics = Metrics::read(&folder.metrics_path())?;
         // A run of another program may have metrics and no run.json; a damaged one is said.
-        let info = match folder.info() {
+        let info = match folder.open_info() {
             Ok(info) => Some(info),
             Err(vibes_data::Error::NoRun { .. }) => None,
             Err(error) => return Err(error.into()),

@@ -11,7 +11,7 @@ use super::actor::SoftActor;
 use super::config::SacConfig;
 use super::critic::TwinCritic;
 use super::cut::{Border, cut};
-use super::networks::SacNetworks;
+use super::networks::{FILE, SacNetworks};
 use super::stack::FrameStack;
 use crate::actions::noise;
 use crate::agent::Choice;
@@ -50,7 +50,7 @@ impl SacAgent {
     /// # Errors
     /// The folder holds no such networks, or a damaged file.
     pub fn load(checkpoint: &Path, device: &Device) -> Result<Self, ModelError> {
-        Ok(Self::new(&SacNetworks::load(&checkpoint.join("sac.safetensors"), device)?, device))
+        Ok(Self::new(&SacNetworks::load(&checkpoint.join(FILE), device)?, device))
     }
 
     /// What it looks at, and the actions it takes.

@@ -18,6 +18,8 @@ use crate::linear::Linear;
 use crate::mlp::Mlp;
 use crate::parameters::{read_parameters, write_parameters};
 
+/// Their file in a checkpoint.
+pub const FILE: &str = "sac.safetensors";
 /// First temperature.
 const TEMPERATURE: f32 = 0.1;
 

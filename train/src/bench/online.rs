@@ -11,6 +11,7 @@ use serde::Serialize;
 use vibes_data::RecordingWriter;
 use vibes_env::videos::VideoSet;
 use vibes_model::agent::{Agent, Choice};
+use vibes_model::trained::TrainedAgent;
 use vibes_model::behaviour::Behaviour;
 use vibes_model::encode::RawFrames;
 use vibes_model::{Model, ObservationKind};
@@ -20,7 +21,7 @@ use crate::batch::Batch;
 use crate::error::Result;
 use crate::learners::behaviour::{BehaviourLearner, BehaviourMeasures};
 use crate::learners::world::Learner;
-use crate::online::actor::{Acting, ActorThread, Task};
+use crate::online::actor::{ActorThread, Task};
 use crate::online::options::OnlineOptions;
 use crate::options::Options;
 
@@ -140,7 +141,7 @@ fn living(agent: &Agent, online: &OnlineOptions) -> Result<f64> {
     let lived = std::thread::scope(|scope| {
         let thread = ActorThread::start(scope, &online.world, libraries, writer);
         let task = |number| Task {
-            agent: Some(Acting::World(Box::new(agent.clone()))),
+            agent: Some(TrainedAgent::World(Box::new(agent.clone()))),
             choice: Choice::Sample,
             exploration: 0.0,
             videos: VideoSet::Train,

@@ -8,10 +8,9 @@ use clap::Args;
 use indicatif::ProgressBar;
 use vibes_data::Recording;
 use vibes_model::Model;
-use vibes_model::sac::{SacAgent, SacNetworks};
-use vibes_train::encode::{encode_recording, encode_stacks};
-use vibes_train::online::model_free::folder::Folder;
-use vibes_train::run::Run;
+use vibes_model::trained::Trained;
+use vibes_train::encode::encode_recording;
+use vibes_train::trained::TrainedRun;
 
 use super::Context;
 
@@ -27,38 +26,22 @@ pub(crate) struct EncodeArgs {
 }
 
 pub(crate) fn run(context: &Context, args: &EncodeArgs) -> Result<()> {
-    if let Some(folder) = Folder::open(&args.run)? {
-        return of_agent(context, args, &folder);
-    }
-    let is_file = args.run.is_file();
-    let checkpoint = if is_file { args.run.clone() } else { Run::open(&args.run)?.newest_model()? };
-    let folder = if is_file { args.run.parent().map(PathBuf::from).unwrap_or_default() } else { args.run.clone() };
+    let device = context.device.open()?;
+    let (trained, checkpoint) = if args.run.is_file() {
+        (Trained::World(Box::new(Model::load(&args.run, &device)?)), args.run.clone())
+    } else {
+        TrainedRun::open(&args.run)?.load(&device)?
+    };
+    let folder = if args.run.is_file() { args.run.parent().unwrap_or(Path::new("")) } else { &args.run };
     let output = args.output.clone().unwrap_or_else(|| folder.join("latents.arrow"));
     let recording = Recording::open(&args.recording)?;
-    let device = context.device.open()?;
-    let model = Model::load(&checkpoint, &device)?;
     let rows: u64 = recording.episodes().iter().map(|episode| u64::from(episode.steps) + 1).sum();
     let bar =
         if context.quiet || !std::io::stderr().is_terminal() { ProgressBar::hidden() } else { ProgressBar::new(rows) };
-    encode_recording(&model, &checkpoint, &recording, &output, &device, &mut |done| bar.set_position(done))?;
+    let encoder = trained.encoder();
+    encode_recording(encoder, &checkpoint, &recording, &output, &device, &mut |done| bar.set_position(done))?;
     bar.finish_and_clear();
-    report(context, rows, model.config.latent, &checkpoint, &output);
-    Ok(())
-}
-
-/// The features that an agent without a world model sees.
-fn of_agent(context: &Context, args: &EncodeArgs, folder: &Folder) -> Result<()> {
-    let checkpoint = folder.newest_networks()?;
-    let output = args.output.clone().unwrap_or_else(|| folder.path().join("latents.arrow"));
-    let recording = Recording::open(&args.recording)?;
-    let device = context.device.open()?;
-    let mut agent = SacAgent::new(&SacNetworks::load(&checkpoint, &device)?, &device);
-    let rows: u64 = recording.episodes().iter().map(|episode| u64::from(episode.steps) + 1).sum();
-    let bar =
-        if context.quiet || !std::io::stderr().is_terminal() { ProgressBar::hidden() } else { ProgressBar::new(rows) };
-    encode_stacks(&mut agent, &checkpoint, &recording, &output, &mut |done| bar.set_position(done))?;
-    bar.finish_and_clear();
-    report(context, rows, agent.config().feature, &checkpoint, &output);
+    report(context, rows, encoder.latent(), &checkpoint, &output);
     Ok(())
 }
 

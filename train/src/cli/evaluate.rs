@@ -7,9 +7,9 @@ use clap::Args;
 use vibes_data::{Recording, relative_place, write_atomically};
 use vibes_measure::intervals::Interval;
 use vibes_measure::numbers::Number;
-use vibes_model::Model;
+use vibes_model::trained::Trained;
 use vibes_train::evaluate::{EvaluateOptions, GapOptions, Gaps, Likelihoods, Report, evaluate, gaps};
-use vibes_train::run::Run;
+use vibes_train::trained::TrainedRun;
 
 use super::Context;
 
@@ -19,7 +19,7 @@ pub(crate) struct EvaluateArgs {
     run: PathBuf,
     /// A grid recording that was not trained on.
     grid: PathBuf,
-    /// Updates of the fresh critic that measures the gaps to a bisimulation; 0 leaves them out. Needs the run's recordings.
+    /// Updates of the fresh critic that measures the gaps to a bisimulation; 0 leaves them out. Needs a world model and the run's recordings.
     #[arg(long, default_value_t = 500, value_name = "N")]
     gap_updates: u64,
     /// Episodes of the run's recordings that the probes are fitted on, at most; 0, or recordings that are gone: the grid's own trajectories, held out in turn.
@@ -31,30 +31,30 @@ pub(crate) struct EvaluateArgs {
 }
 
 pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
-    let run = Run::open(&args.run)?;
-    let checkpoint = run.newest_model()?;
+    let run = TrainedRun::open(&args.run)?;
     let grid = Recording::open(&args.grid)?;
     let device = context.device.open()?;
-    let model = Model::load(&checkpoint, &device)?;
+    let (trained, checkpoint) = run.load(&device)?;
     let training = run.open_recordings();
     let to_fit = match &training {
         Ok(training) if args.probe_episodes > 0 => training.as_slice(),
         _ => &[],
     };
     let options = EvaluateOptions { probe_episodes: args.probe_episodes, ..EvaluateOptions::default() };
-    let report = evaluate(&model, &grid, to_fit, options, &device)?;
-    let gaps = match args.gap_updates {
-        0 => None,
-        updates => {
+    let report = evaluate(trained.encoder(), &grid, to_fit, options, &device)?;
+    let gaps = match (args.gap_updates, &run, &trained) {
+        (updates @ 1.., TrainedRun::World(run), Trained::World(model)) => {
             let training =
                 training.context("the gaps need the run's recordings; leave them out with --gap-updates 0")?;
-            Some(gaps(&model, &training, &grid, GapOptions::like(&run.info().options, updates), &device)?)
+            Some(gaps(model, &training, &grid, GapOptions::like(&run.info().options, updates), &device)?)
         }
+        _ => None,
     };
+    let run = run.places();
     let output = args.output.clone().unwrap_or_else(|| run.path().join("evaluation.json"));
     let folder = output.parent().unwrap_or(Path::new(""));
     let place = |path: &Path| relative_place(path, folder);
-    let numbers = serde_json::json!({ "run": place(run.path()), "checkpoint": place(&checkpoint), "grid": place(&args.grid), "gap_updates": args.gap_updates, "report": report, "gaps": gaps });
+    let numbers = serde_json::json!({ "run": place(run.path()), "checkpoint": place(&checkpoint), "grid": place(&args.grid), "gap_updates": if gaps.is_some() { args.gap_updates } else { 0 }, "report": report, "gaps": gaps });
     let text = serde_json::to_string_pretty(&numbers)? + "\n";
     write_atomically(&output, text.as_bytes()).context("cannot write the evaluation")?;
     if context.json {

@@ -4,8 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
+use vibes_data::Metrics;
 use vibes_train::metrics::{Row, read_rows};
+use vibes_train::online::model_free::folder::Folder;
 use vibes_train::run::Run;
+use vibes_train::trained::TrainedRun;
 
 use super::Context;
 
@@ -16,7 +19,13 @@ pub(crate) struct InfoArgs {
 }
 
 pub(crate) fn run(context: &Context, args: &InfoArgs) -> Result<()> {
-    let run = Run::open(&args.run)?;
+    match TrainedRun::open(&args.run)? {
+        TrainedRun::World(run) => of_world_model(context, &run),
+        TrainedRun::ModelFree(folder) => of_model_free(context, &folder),
+    }
+}
+
+fn of_world_model(context: &Context, run: &Run) -> Result<()> {
     let rows = if run.metrics_path().exists() { read_rows(&run.metrics_path())? } else { Vec::new() };
     let checkpoints = run.checkpoints();
     if context.json {
@@ -39,6 +48,38 @@ pub(crate) fn run(context: &Context, args: &InfoArgs) -> Result<()> {
     println!("  checkpoints  {}", checkpoints.iter().map(u64::to_string).collect::<Vec<_>>().join(", "));
     if let Some(last) = rows.last() {
         print_row(last, options.updates);
+    }
+    Ok(())
+}
+
+fn of_model_free(context: &Context, folder: &Folder) -> Result<()> {
+    let (places, options) = (folder.places(), folder.options());
+    let metrics = Metrics::read(&places.metrics_path())?;
+    let evaluations = Metrics::read(&places.evaluations_path())?;
+    let (checkpoints, last, evaluation) = (places.checkpoints(), metrics.lines.last(), evaluations.lines.last());
+    if context.json {
+        println!(
+            "{}",
+            serde_json::json!({ "run": folder.path(), "info": options, "checkpoints": checkpoints, "last": last, "evaluation": evaluation })
+        );
+        return Ok(());
+    }
+    let world = &options.online.world;
+    println!("{}", folder.path().display());
+    println!("  system       {}, {}", options.system, options.size);
+    println!("  world        {}, distractors {}, seed {}", world.task, world.distractors.axes, options.seed);
+    println!("  latents      {}", options.latents()?);
+    println!("  checkpoints  {}", checkpoints.iter().map(u64::to_string).collect::<Vec<_>>().join(", "));
+    let number = |name: &str| metrics.last(name).unwrap_or(0.0);
+    println!(
+        "  lived        {:.0} of {} control steps, {:.0} episodes, {:.0} updates",
+        number("control_steps"),
+        options.online.control_steps,
+        number("episodes"),
+        number("update")
+    );
+    if let Some(mean) = evaluation.and_then(|line| line.get("held_out")?.get("mean_return")?.as_f64()) {
+        println!("  return       {mean:.1} in the last evaluation, held-out videos");
     }
     Ok(())
 }

@@ -2,8 +2,8 @@
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
-use vibes_model::encode::EpisodeEncoder;
 use vibes_model::parameters::to_values;
+use vibes_model::trained::TrainedEncoder;
 use vibes_model::{Model, scale};
 
 use super::{Features, Rows};
@@ -13,15 +13,16 @@ use crate::error::Result;
 /// Rows encoded at a time.
 const CHUNK: usize = 128;
 
-/// The tables of features of all rows, the latents first; none of no rows.
+/// The tables of features of all rows, the latents first, and alone where there is no world model; none of no rows.
 ///
 /// # Errors
-/// The observations are not the model's.
-pub fn features(model: &Model, rows: &Rows, device: &Device) -> Result<Vec<Features>> {
+/// The observations are not the encoder's.
+pub fn features(encoder: TrainedEncoder<'_>, rows: &Rows, device: &Device) -> Result<Vec<Features>> {
     if rows.is_empty() {
         return Ok(Vec::new());
     }
-    let latents = latents(model, rows, device)?;
+    let latents = latents(encoder, rows, device)?;
+    let TrainedEncoder::World(model) = encoder else { return Ok(vec![latents]) };
     let states = states(model, rows, &latents, device);
     let both = beside(&latents, &states);
     Ok(vec![latents, states, both])
@@ -55,16 +56,16 @@ fn beside(latents: &Features, states: &Features) -> Features {
     Features { name: "hs", dims: latents.dims + states.dims, values }
 }
 
-/// The posterior means of all rows.
-fn latents(model: &Model, rows: &Rows, device: &Device) -> Result<Features> {
+/// The latents of all rows.
+fn latents(encoder: TrainedEncoder<'_>, rows: &Rows, device: &Device) -> Result<Features> {
     let mut values = Vec::new();
-    let mut encoder = EpisodeEncoder::new(model, device);
+    let mut latents = encoder.episode(device);
     for view in rows.views() {
-        encoder.reset();
+        latents.reset();
         for start in (0..view.rows()).step_by(CHUNK) {
-            values.extend(encode_rows(model, &mut encoder, view, start..view.rows().min(start + CHUNK))?);
+            values.extend(encode_rows(encoder, &mut latents, view, start..view.rows().min(start + CHUNK))?);
         }
         view.release();
     }
-    Ok(Features { name: "s", dims: model.config.latent, values })
+    Ok(Features { name: "s", dims: encoder.latent(), values })
 }

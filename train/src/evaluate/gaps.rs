@@ -141,7 +141,7 @@ pub fn gaps(
     device: &Device,
 ) -> Result<Gaps> {
     for recording in training.iter().chain([held_out]) {
-        check_fit(model, recording)?;
+        check_fit(model.into(), recording)?;
     }
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let fixed = Model { config: model.config.clone(), world: model.world.valid(), adversary: None };

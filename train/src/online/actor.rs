@@ -12,55 +12,22 @@ use std::time::Instant;
 
 use rand::{Rng, RngCore, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use vibes_data::{Episode, EpisodeBuilder, EpisodeInfo, Frame, RecordingWriter};
+use vibes_data::{Episode, EpisodeBuilder, EpisodeInfo, RecordingWriter};
 use vibes_env::videos::{VideoLibrary, VideoSet};
 use vibes_env::{EpisodeSeeds, Eyes};
-use vibes_model::agent::{Agent, Choice};
-use vibes_model::encode::RawFrames;
-use vibes_model::sac::SacAgent;
-use vibes_model::{ObservationKind, init};
+use vibes_model::agent::Choice;
+use vibes_model::init;
+use vibes_model::trained::TrainedAgent;
 
 use super::options::WorldOptions;
 use crate::error::{Result, TrainError};
 use crate::replay;
 
-/// Who acts.
-#[derive(Debug, Clone)]
-pub enum Acting {
-    /// Through a world model's latents.
-    World(Box<Agent>),
-    /// Through stacked pictures.
-    ModelFree(Box<SacAgent>),
-}
-
-impl Acting {
-    fn begin(&mut self) {
-        match self {
-            Self::World(agent) => agent.begin(),
-            Self::ModelFree(agent) => agent.begin(),
-        }
-    }
-
-    /// Takes in a frame and the action before it, and chooses the next.
-    fn act(&mut self, frame: &Frame, action: &[f32], choice: Choice, rng: &mut impl Rng) -> Result<Vec<f32>> {
-        match self {
-            Self::World(agent) => {
-                let seen = seen(agent, frame);
-                Ok(agent.act(seen, action, choice, rng)?)
-            }
-            Self::ModelFree(agent) => {
-                agent.observe(&frame.pixels)?;
-                Ok(agent.choose(choice, rng))
-            }
-        }
-    }
-}
-
 /// An episode to live through.
 #[derive(Debug)]
 pub struct Task {
     /// Who acts; without an agent, actions are drawn uniformly from the task's bounds.
-    pub agent: Option<Acting>,
+    pub agent: Option<TrainedAgent>,
     /// Mode or sample.
     pub choice: Choice,
     /// Standard deviation of noise on the executed action, in units of −1..1.
@@ -192,7 +159,8 @@ fn live(eyes: &mut Eyes, task: &mut Task, steps: u32) -> Result<(Episode, serde_
     for _ in 0..steps {
         action = match &mut task.agent {
             Some(agent) => {
-                let mut action = agent.act(&frame, &action, task.choice, &mut choices)?;
+                let seen = agent.look(&frame.pixels, &frame.observation);
+                let mut action = agent.act(seen, &action, task.choice, &mut choices)?;
                 explore(&mut action, &low, &high, task.exploration, &mut choices);
                 action
             }
@@ -205,13 +173,6 @@ fn live(eyes: &mut Eyes, task: &mut Task, steps: u32) -> Result<(Episode, serde_
         episode.step(&action, reward as f32, 1.0, frame.clone());
     }
     Ok((episode.finish(false), serde_json::to_value(&start.model_overrides).unwrap_or_default()))
-}
-
-fn seen<'a>(agent: &Agent, frame: &'a Frame) -> RawFrames<'a> {
-    match agent.config().observation {
-        ObservationKind::Pixels { .. } => RawFrames::Pixels(&frame.pixels),
-        ObservationKind::Vector { .. } => RawFrames::Vectors(&frame.observation),
-    }
 }
 
 fn random_between(low: f32, high: f32, rng: &mut impl Rng) -> f32 {

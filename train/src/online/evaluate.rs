@@ -8,8 +8,9 @@ use vibes_data::write_atomically;
 use vibes_env::videos::VideoSet;
 use vibes_measure::intervals::student;
 use vibes_model::agent::Choice;
+use vibes_model::trained::TrainedAgent;
 
-use super::actor::{Acting, ActorThread, EpisodeKind, Task, episode_seed};
+use super::actor::{ActorThread, EpisodeKind, Task, episode_seed};
 use super::options::OnlineOptions;
 use super::protocol::Protocol;
 use crate::error::{Result, io};
@@ -71,7 +72,7 @@ impl Returns {
 /// An episode cannot be lived through.
 pub fn evaluate(
     acting: &ActorThread,
-    agent: &Acting,
+    agent: &TrainedAgent,
     options: &OnlineOptions,
     counters: Counters,
     seed: u64,

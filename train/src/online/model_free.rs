@@ -21,8 +21,9 @@ use vibes_data::MetricsFile;
 use vibes_env::videos::VideoSet;
 use vibes_model::agent::Choice;
 use vibes_model::sac::{SacAgent, SacNetworks};
+use vibes_model::trained::{ModelFreeAgent, TrainedAgent};
 
-use super::actor::{Acting, ActorThread, EpisodeKind, Task, episode_seed};
+use super::actor::{ActorThread, EpisodeKind, Task, episode_seed};
 use super::evaluate::{self, Evaluation};
 use crate::error::Result;
 use crate::fit::{End, Go};
@@ -128,9 +129,9 @@ pub fn model_free(folder: &Folder, device: &Device, listen: &mut dyn FnMut(Event
     let sizes = ReplayOptions { length: window_length(sac.stack), batch: sac.batch, given_share: 0.0 };
     let replay = Replay::open(&folder.path().join("replay"), manifest, state.episodes, &[], sizes)?;
     listen(Event::Start { control_steps: state.control_steps });
-    evaluate::drop_beyond(&folder.evaluations_path(), state.next_evaluation)?;
-    let metrics = MetricsFile::open(&folder.metrics_path(), state.update)?;
-    let evaluations = MetricsFile::open(&folder.evaluations_path(), state.update)?;
+    evaluate::drop_beyond(&folder.places().evaluations_path(), state.next_evaluation)?;
+    let metrics = MetricsFile::open(&folder.places().metrics_path(), state.update)?;
+    let evaluations = MetricsFile::open(&folder.places().evaluations_path(), state.update)?;
     std::thread::scope(|scope| {
         let acting = ActorThread::start(scope, world, libraries, replay.writer());
         Training { folder, options, device, acting, replay, metrics, evaluations, state }.run(learner, listen)
@@ -161,7 +162,7 @@ impl Training<'_> {
                 return Ok(if self.state.is_finished { End::Updates } else { End::Stopped });
             }
             let begun = Instant::now();
-            let agent = Acting::ModelFree(Box::new(SacAgent::new(&learner.networks, self.device)));
+            let agent = self.agent(&learner);
             self.acting.begin(self.task(Some(agent), format!("online:update={}", self.state.update)))?;
             let due = self.state.credit.floor();
             self.state.credit -= due;
@@ -183,7 +184,13 @@ impl Training<'_> {
         }
     }
 
-    fn task(&self, agent: Option<Acting>, policy: String) -> Task {
+    /// Who acts with these weights, which it copies.
+    fn agent(&self, learner: &SacLearner) -> TrainedAgent {
+        let agent = SacAgent::new(&learner.networks, self.device);
+        TrainedAgent::ModelFree(ModelFreeAgent::Stacks(Box::new(agent)))
+    }
+
+    fn task(&self, agent: Option<TrainedAgent>, policy: String) -> Task {
         let number = self.state.episodes;
         Task {
             agent,
@@ -266,7 +273,7 @@ impl Training<'_> {
         if !is_last && !is_due {
             return Ok(Go::On);
         }
-        let agent = Acting::ModelFree(Box::new(SacAgent::new(&learner.networks, self.device)));
+        let agent = self.agent(learner);
         let counters = evaluate::Counters {
             update: self.state.update,
             control_steps: self.state.control_steps,

@@ -3,7 +3,7 @@
 use std::time::{Duration, SystemTime};
 
 use serde::Serialize;
-use vibes_data::{FolderLock, Metrics, RunFolder, RunInfo};
+use vibes_data::{FolderLock, Metrics, RunFolder};
 
 use super::{Element, Mark};
 use crate::error::Result;
@@ -67,7 +67,7 @@ pub fn status(element: &Element) -> Result<Status> {
     };
     let run = RunFolder::at(&element.folder);
     let metrics = Metrics::read(&run.metrics_path())?;
-    let updates = run.info().ok().and_then(|info: RunInfo| info.options.get("updates")?.as_u64());
+    let updates = run.open_info().ok().and_then(|info| info.options.get("updates")?.as_u64());
     let update = metrics.last("update").map(|update| update as u64);
     let rate = metrics.last("updates_per_second");
     let left = updates.zip(update).map(|(all, made)| all.saturating_sub(made) as f64);

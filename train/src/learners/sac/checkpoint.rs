@@ -13,14 +13,13 @@ use burn::tensor::Device;
 use vibes_model::checkpoint::{load_tensors, save_tensors};
 use vibes_model::parameters::read_parameters;
 use vibes_model::sac::SacNetworks;
+use vibes_model::sac::networks::FILE as NETWORKS;
 
 use super::update::{Optimizers, SacLearner};
 use crate::error::{Result, TrainError, io, malformed};
 use crate::json::write_json;
 use crate::learners::optimizer::Optimizer;
 
-/// The networks' file in a checkpoint's folder.
-pub const NETWORKS: &str = "sac.safetensors";
 const MOMENTS: &str = "sac_optimizer.safetensors";
 const STEPS: &str = "sac.json";
 

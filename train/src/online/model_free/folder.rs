@@ -1,23 +1,24 @@
 //! The folder of a run without a world model. In: options, a learner. Out: everything that is needed to go on exactly where it stopped, and to use the agent.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::sync::Arc;
 
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
+use vibes_data::{FolderLock, Recording, RunFolder};
 use vibes_model::sac::SacConfig;
 
 use super::State;
 use crate::error::{Result, TrainError, io, malformed};
 use crate::json::write_json;
-use crate::learners::sac::checkpoint::NETWORKS;
 use crate::learners::sac::options::{SacOptions, Size};
 use crate::learners::sac::update::SacLearner;
 use crate::online::options::OnlineOptions;
+use crate::summary::write_model_free_summary;
 
 /// The format's name in `model_free.json`.
-pub const FORMAT: &str = "vibes-model-free-run/1";
-const FILE: &str = "model_free.json";
+pub const FORMAT: &str = vibes_data::MODEL_FREE_FORMAT;
 const STATE: &str = "state.json";
 /// Checkpoints that are kept.
 const KEEP: usize = 3;
@@ -58,6 +59,14 @@ impl ModelFreeOptions {
         Ok(self.agent.networks(&spec.task, [size.height as usize, size.width as usize], bounds))
     }
 
+    /// What its latents are, in words.
+    ///
+    /// # Errors
+    /// As [`ModelFreeOptions::networks`].
+    pub fn latents(&self) -> Result<String> {
+        Ok(format!("features of the critics, {}", self.networks()?.feature))
+    }
+
     /// How long to go on may change from one call to the next; nothing else.
     fn may_follow(&self, found: &Self) -> bool {
         let fixed = |options: &Self| Self {
@@ -78,15 +87,17 @@ impl ModelFreeOptions {
 /// A run's folder on disk.
 #[derive(Debug, Clone)]
 pub struct Folder {
-    path: PathBuf,
+    folder: RunFolder,
     options: ModelFreeOptions,
+    // Held while the run is written; a run that is only read has none.
+    _lock: Option<Arc<FolderLock>>,
 }
 
 impl Folder {
-    /// Begins a run, or opens the one that is there if it was begun with the same options.
+    /// Begins a run, or opens the one that is there if it was begun with the same options; this process owns the folder until the run is dropped.
     ///
     /// # Errors
-    /// Another run is there, an option makes no sense, or the folder cannot be written.
+    /// Another run is there, another process writes into it, an option makes no sense, or the folder cannot be written.
     pub fn create_or_open(path: &Path, options: ModelFreeOptions) -> Result<Self> {
         options.online.check()?;
         options.networks()?;
@@ -94,7 +105,9 @@ impl Folder {
             let text = format!("--updates-per-step is {}; it must be above 0", options.updates_per_step);
             return Err(TrainError::Options(text));
         }
-        if path.join("run.json").exists() {
+        let folder = RunFolder::at(path);
+        let lock = Some(Arc::new(FolderLock::acquire(path)?));
+        if folder.info_path().exists() {
             return Err(other(path, "agent", "dreamer", &options.system));
         }
         if let Some(found) = Self::open(path)?
@@ -103,16 +116,17 @@ impl Folder {
             return Err(other(path, "options", &found.options.system, &options.system));
         }
         fs::create_dir_all(path.join("checkpoints")).map_err(io("create", path))?;
-        write_json(&path.join(FILE), &options)?;
-        Ok(Self { path: path.to_owned(), options })
+        write_json(&folder.model_free_path(), &options)?;
+        Ok(Self { folder, options, _lock: lock })
     }
 
-    /// Opens a run; none if there is none of this kind.
+    /// Opens a run to read it; none if there is none of this kind.
     ///
     /// # Errors
     /// Its file is damaged.
     pub fn open(path: &Path) -> Result<Option<Self>> {
-        let file = path.join(FILE);
+        let folder = RunFolder::at(path);
+        let file = folder.model_free_path();
         let text = match fs::read_to_string(&file) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
@@ -123,12 +137,17 @@ impl Folder {
         if options.format != FORMAT {
             return Err(malformed(&file, format!("format {}", options.format), "this program reads it of version 1"));
         }
-        Ok(Some(Self { path: path.to_owned(), options }))
+        Ok(Some(Self { folder, options, _lock: None }))
     }
 
     /// The folder.
     pub fn path(&self) -> &Path {
-        &self.path
+        self.folder.path()
+    }
+
+    /// Where its files lie.
+    pub fn places(&self) -> &RunFolder {
+        &self.folder
     }
 
     /// Its options.
@@ -136,38 +155,13 @@ impl Folder {
         &self.options
     }
 
-    /// The numbers over time.
-    pub fn metrics_path(&self) -> PathBuf {
-        self.path.join("metrics.jsonl")
-    }
-
-    /// The evaluations.
-    pub fn evaluations_path(&self) -> PathBuf {
-        self.path.join("evaluations.jsonl")
-    }
-
-    /// The folder of the newest checkpoint; none before the first.
-    pub fn newest(&self) -> Option<PathBuf> {
-        self.checkpoints().pop()
-    }
-
-    /// The networks' file of the newest checkpoint.
+    /// What it learned from: its replay, if anything was lived through yet.
     ///
     /// # Errors
-    /// There is none yet.
-    pub fn newest_networks(&self) -> Result<PathBuf> {
-        let newest = self.newest().ok_or_else(|| vibes_data::Error::NoCheckpoint { path: self.path.clone() })?;
-        Ok(newest.join(NETWORKS))
-    }
-
-    fn checkpoints(&self) -> Vec<PathBuf> {
-        let entries = fs::read_dir(self.path.join("checkpoints")).into_iter().flatten().flatten();
-        let is_number = |path: &PathBuf| {
-            path.file_name().and_then(|name| name.to_str()).is_some_and(|name| name.parse::<u64>().is_ok())
-        };
-        let mut found: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(is_number).collect();
-        found.sort();
-        found
+    /// The recording is damaged.
+    pub fn open_recordings(&self) -> Result<Vec<Recording>> {
+        let replay = self.path().join("replay");
+        if replay.exists() { Ok(vec![Recording::open(&replay)?]) } else { Ok(Vec::new()) }
     }
 
     /// Saves a checkpoint, whole or not at all, and lets go of the oldest.
@@ -175,8 +169,7 @@ impl Folder {
     /// # Errors
     /// A weight is no number, or the folder cannot be written.
     pub fn save(&self, learner: &SacLearner, state: State) -> Result<()> {
-        let checkpoints = self.path.join("checkpoints");
-        let (place, partial) = (checkpoints.join(format!("{:08}", state.update)), checkpoints.join(".partial"));
+        let (place, partial) = (self.folder.checkpoint_path(state.update), self.path().join("checkpoints/.partial"));
         if partial.exists() {
             fs::remove_dir_all(&partial).map_err(io("remove", &partial))?;
         }
@@ -187,11 +180,11 @@ impl Folder {
             fs::remove_dir_all(&place).map_err(io("remove", &place))?;
         }
         fs::rename(&partial, &place).map_err(io("rename", &place))?;
-        let found = self.checkpoints();
-        for old in &found[..found.len().saturating_sub(KEEP)] {
+        let found = self.folder.checkpoint_folders();
+        for (_, old) in &found[..found.len().saturating_sub(KEEP)] {
             fs::remove_dir_all(old).map_err(io("remove", old))?;
         }
-        Ok(())
+        write_model_free_summary(self.places())
     }
 
     /// The learner of the newest checkpoint and where it stood; none if nothing was saved yet.
@@ -199,7 +192,7 @@ impl Folder {
     /// # Errors
     /// A file is missing or damaged.
     pub fn resume(&self, device: &Device) -> Result<Option<(SacLearner, State)>> {
-        let Some(newest) = self.newest() else { return Ok(None) };
+        let Some((_, newest)) = self.folder.checkpoint_folders().pop() else { return Ok(None) };
         let file = newest.join(STATE);
         let text = fs::read_to_string(&file).map_err(io("read", &file))?;
         let state = serde_json::from_str(&text)
@@ -211,7 +204,7 @@ impl Folder {
     pub fn diverged(&self, error: TrainError, update: u64) -> TrainError {
         match error {
             TrainError::NotFinite { what, value } => {
-                TrainError::Diverged { update: update + 1, what, value, run: self.path.clone() }
+                TrainError::Diverged { update: update + 1, what, value, run: self.path().to_owned() }
             }
             other => other,
         }

@@ -1,0 +1,64 @@
+//! A run folder of either kind, opened to be read. In: a folder. Out: the weights of its newest checkpoint, what it learned from, where its files lie. The one place that
+//! tells the two kinds of folders apart.
+
+use std::path::{Path, PathBuf};
+
+use burn::tensor::Device;
+use vibes_data::{Recording, RunFolder};
+use vibes_model::trained::{Trained, encoder_file};
+
+use crate::error::Result;
+use crate::online::model_free::folder::Folder;
+use crate::run::Run;
+
+/// A run, opened to be read.
+#[derive(Debug, Clone)]
+pub enum TrainedRun {
+    /// A world model, with or without an actor.
+    World(Box<Run>),
+    /// An agent without a world model.
+    ModelFree(Box<Folder>),
+}
+
+impl TrainedRun {
+    /// Opens a run.
+    ///
+    /// # Errors
+    /// There is none, or its `run.json` or `model_free.json` is damaged.
+    pub fn open(path: &Path) -> Result<Self> {
+        Ok(match Folder::open(path)? {
+            Some(folder) => Self::ModelFree(Box::new(folder)),
+            None => Self::World(Box::new(Run::open(path)?)),
+        })
+    }
+
+    /// Where its files lie.
+    pub fn places(&self) -> &RunFolder {
+        match self {
+            Self::World(run) => run.places(),
+            Self::ModelFree(folder) => folder.places(),
+        }
+    }
+
+    /// The recordings it learned from; of an agent without a world model, what it lived through.
+    ///
+    /// # Errors
+    /// One of them is gone or damaged.
+    pub fn open_recordings(&self) -> Result<Vec<Recording>> {
+        match self {
+            Self::World(run) => run.open_recordings(),
+            Self::ModelFree(folder) => folder.open_recordings(),
+        }
+    }
+
+    /// The weights of the newest checkpoint, and the file they are in.
+    ///
+    /// # Errors
+    /// There is no checkpoint, or a file is damaged.
+    pub fn load(&self, device: &Device) -> Result<(Trained, PathBuf)> {
+        let checkpoint = self.places().newest_checkpoint()?;
+        let trained = Trained::load(&checkpoint, device)?;
+        let file = encoder_file(&checkpoint).unwrap_or_default();
+        Ok((trained, checkpoint.join(file)))
+    }
+}
