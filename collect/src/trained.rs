@@ -107,8 +107,9 @@ fn load(path: &Path, task: &str) -> Result<(Box<dyn Policy>, ActedBy)> {
         Error::from(WorldError::Policy { text, fact, expected: expected.to_owned() })
     };
     let trained = "a run that `vibes-train online` has trained";
-    let checkpoint =
-        RunFolder::at(path).newest_checkpoint().map_err(|_none| refuse("it holds no checkpoint".to_owned(), trained))?;
+    let checkpoint = RunFolder::at(path)
+        .newest_checkpoint()
+        .map_err(|_none| refuse("it holds no checkpoint".to_owned(), trained))?;
     let file = actor_file(&checkpoint).ok_or_else(|| refuse("it holds no actor".to_owned(), trained))?;
     let file = checkpoint.join(file);
     let agent =

@@ -340,7 +340,10 @@ mod tests {
         let text = r#"{"format":"vibes-model-free-run/1","system":"sac-drq","size":"small","online":{"world":{"task":"known-slide"}}}"#;
         std::fs::write(run.model_free_path(), text).unwrap();
         let info = run.open_info().unwrap();
-        assert_eq!((info.option("objective"), info.option("size"), info.task()), (Some("sac-drq"), Some("small"), Some("known-slide")));
+        assert_eq!(
+            (info.option("objective"), info.option("size"), info.task()),
+            (Some("sac-drq"), Some("small"), Some("known-slide"))
+        );
         assert_eq!(info.recording_names(), ["replay"]);
         std::fs::write(run.model_free_path(), text.replace("run/1", "run/9")).unwrap();
         let error = run.open_info().unwrap_err().to_string();

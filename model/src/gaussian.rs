@@ -1,5 +1,7 @@
 //! Normal distributions with one standard deviation for all dimensions: what every prediction of a latent is.
 
+use std::fmt;
+
 use burn::tensor::{Tensor, activation::softplus};
 use serde::{Deserialize, Serialize};
 
@@ -44,6 +46,15 @@ pub enum LatentForm {
     UnitNorm,
     /// As it is: distances that read a latent's length need it.
     Raw,
+}
+
+impl fmt::Display for LatentForm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::UnitNorm => "unit norm",
+            Self::Raw => "raw",
+        })
+    }
 }
 
 impl LatentForm {

@@ -199,8 +199,7 @@ impl Model {
         let agent = has_actor.then(|| TrainedAgent::load(&checkpoint, &device)).transpose().map_err(words)?;
         let acting = |agent| Mutex::new(Acting { agent, executed: Vec::new(), rng: ChaCha8Rng::seed_from_u64(0) });
         let encoder = trained.encoder();
-        let facts =
-            Facts { observation: encoder.observation(), actions: encoder.actions(), latent: encoder.latent() };
+        let facts = Facts { observation: encoder.observation(), actions: encoder.actions(), latent: encoder.latent() };
         Ok(Self { checkpoint, facts, trained: Mutex::new(trained), actor: agent.map(acting) })
     }
 

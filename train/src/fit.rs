@@ -167,8 +167,13 @@ impl Training<'_> {
         let Some(held_out) = self.held_out else { return Ok(()) };
         let update = self.session.state.update;
         if last || update.is_multiple_of(held_out.every.max(1)) {
-            let report =
-                evaluate((&learner.model).into(), &held_out.grid, self.recordings, EvaluateOptions::default(), self.device)?;
+            let report = evaluate(
+                (&learner.model).into(),
+                &held_out.grid,
+                self.recordings,
+                EvaluateOptions::default(),
+                self.device,
+            )?;
             let gaps = match held_out.gap_updates {
                 0 => None,
                 updates => {

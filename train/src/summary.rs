@@ -33,7 +33,8 @@ pub fn write_summary(run: &Run) -> Result<()> {
 pub fn write_model_free_summary(folder: &RunFolder) -> Result<()> {
     let info = folder.open_info()?;
     let metrics = Metrics::read(&folder.metrics_path())?;
-    let evaluations = Metrics::read(&folder.evaluations_path())?.lines.into_iter().map(Json::Object).collect::<Vec<_>>();
+    let evaluations =
+        Metrics::read(&folder.evaluations_path())?.lines.into_iter().map(Json::Object).collect::<Vec<_>>();
     let page = model_free_summary(&folder.name(), &info, &metrics, &evaluations);
     Ok(write_atomically(&folder.path().join("summary.md"), page.as_bytes())?)
 }
@@ -59,7 +60,9 @@ fn model_free_summary(name: &str, info: &vibes_data::RunInfo, metrics: &Metrics,
         ),
     );
     push(&mut page, "| quantity, mean of the last round's updates | value |\n|---|---|");
-    for name in ["training_return", "critic_loss", "auxiliary_loss", "target", "target_over_bound", "entropy", "temperature"] {
+    for name in
+        ["training_return", "critic_loss", "auxiliary_loss", "target", "target_over_bound", "entropy", "temperature"]
+    {
         if let Some(value) = last(name) {
             push(&mut page, &format!("| {} | {value:.3} |", name.replace('_', " ")));
         }
@@ -73,7 +76,10 @@ fn returns(page: &mut String, evaluations: &[Json]) {
     if evaluations.is_empty() {
         return;
     }
-    push(page, "\n## Mean return [95 % interval]\n\n| control steps | held-out videos | training videos |\n|---|---|---|");
+    push(
+        page,
+        "\n## Mean return [95 % interval]\n\n| control steps | held-out videos | training videos |\n|---|---|---|",
+    );
     for index in shown(evaluations.len()) {
         let line = &evaluations[index];
         let cell = |set: &str| {
@@ -118,8 +124,14 @@ fn about(page: &mut String, info: &RunInfo) {
         format!("Objective **{}** on {} ({}){from}", options.objective, model.task, model.observation),
         format!("{} episodes, {} steps of {}", info.episodes, info.steps, recordings.join(", ")),
         format!(
-            "latent {}, hidden {}, depth {}; batch {} × {} (burn-in {})",
-            options.latent, options.hidden, options.depth, options.batch, options.length, options.burn_in
+            "latent {} ({}), hidden {}, depth {}; batch {} × {} (burn-in {})",
+            options.latent,
+            model.latents,
+            options.hidden,
+            options.depth,
+            options.batch,
+            options.length,
+            options.burn_in
         ),
         format!(
             "dynamics weight {} (rising over {} updates, from update {} and a gain of {} nats on), reward weight {}, step sizes {} and {} (adversary){}, first scales {}",

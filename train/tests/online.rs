@@ -2,13 +2,12 @@
 //! picture is drawn.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use std::collections::BTreeMap;
-use std::path::Path;
-use std::process::{Command, Output, Stdio};
-use std::time::Duration;
+mod process;
 
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use process::{assert_same, kill_until_done, lines, text};
 use serde_json::Value as Json;
 use vibes_data::{Recording, verify_recording};
 
@@ -40,67 +39,13 @@ const QUICK: [&str; 20] = [
 const WHOLE: [&str; 2] = ["--control-steps", "960"];
 
 fn command(folder: &Path, more: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_vibes-train"));
+    let mut command = process::program();
     command.arg("online").args(QUICK).args(["--evaluation-episodes", "2", "-o"]).arg(folder).args(more);
-    command.env("RAYON_NUM_THREADS", "1").stdin(Stdio::null());
     command
 }
 
 fn run(folder: &Path, more: &[&str]) -> Output {
     command(folder, more).output().unwrap()
-}
-
-fn text(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
-}
-
-fn lines(path: &Path) -> Vec<Json> {
-    std::fs::read_to_string(path).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
-}
-
-/// Bytes of every file below a folder, by its place.
-fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
-        if path.is_dir() {
-            found.extend(files(&path).into_iter().map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)));
-        } else {
-            found.insert(name, std::fs::read(&path).unwrap());
-        }
-    }
-    found
-}
-
-/// What must be the same however often a run was killed: everything but how long it took.
-fn lasting(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let clocks = ["seconds", "updates_per_second", "frames_per_second", "waiting_share"];
-    let online = ["control_steps_per_second", "waiting_for_actor_share", "acting_share"];
-    let timeless = |mut line: Json| {
-        for clock in clocks.iter().chain(&online) {
-            line.as_object_mut().unwrap().remove(*clock);
-        }
-        line.to_string()
-    };
-    let is_kept = |name: &str| !name.starts_with("events.") && name != "summary.md" && !name.ends_with(".lock");
-    files(folder)
-        .into_iter()
-        .filter(|(name, _)| is_kept(name))
-        .map(|(name, bytes)| {
-            let text = || String::from_utf8(bytes.clone()).unwrap();
-            let bytes = if name.ends_with(".jsonl") {
-                let lines = text();
-                let lines = lines.lines().map(|line| timeless(serde_json::from_str(line).unwrap()) + "\n");
-                lines.collect::<String>().into_bytes()
-            } else if name.ends_with("/state.json") {
-                timeless(serde_json::from_str(&text()).unwrap()).into_bytes()
-            } else {
-                bytes
-            };
-            (name, bytes)
-        })
-        .collect()
 }
 
 #[test]
@@ -145,29 +90,10 @@ fn however_often_it_is_killed_the_same_command_ends_with_the_same_bytes() {
     let [undisturbed, killed] = ["undisturbed", "killed"].map(|name| folder.path().join(name));
     let output = run(&undisturbed, &WHOLE);
     assert!(output.status.success(), "{}", text(&output));
-    let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let mut kills = 0;
-    for attempt in 0..60 {
-        let mut process = command(&killed, &WHOLE).stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
-        // From before anything is there to beyond a checkpoint; a slower machine is given longer after a while.
-        std::thread::sleep(Duration::from_millis(rng.random_range(50..400) * (1 + attempt / 10)));
-        if let Some(status) = process.try_wait().unwrap() {
-            assert!(status.success(), "{status}");
-            break;
-        }
-        process.kill().unwrap();
-        process.wait().unwrap();
-        kills += 1;
-    }
-    let output = run(&killed, &WHOLE);
-    assert!(output.status.success(), "{}", text(&output));
+    // From before anything is there to beyond a checkpoint.
+    let kills = kill_until_done(|| command(&killed, &WHOLE), 50..400);
     assert!(kills >= 3, "{kills} kills");
-    let (wanted, found) = (lasting(&undisturbed), lasting(&killed));
-    let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
-    assert_eq!(names(&found), names(&wanted));
-    for (name, bytes) in wanted {
-        assert!(found[&name] == bytes, "{name} differs after {kills} kills");
-    }
+    assert_same(&undisturbed, &killed, &format!("after {kills} kills"));
 }
 
 #[test]

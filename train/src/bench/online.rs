@@ -11,9 +11,9 @@ use serde::Serialize;
 use vibes_data::RecordingWriter;
 use vibes_env::videos::VideoSet;
 use vibes_model::agent::{Agent, Choice};
-use vibes_model::trained::TrainedAgent;
 use vibes_model::behaviour::Behaviour;
 use vibes_model::encode::RawFrames;
+use vibes_model::trained::TrainedAgent;
 use vibes_model::{Model, ObservationKind};
 
 use super::{Part, Sizes, made_up_windows, median, ms, phase_parts};

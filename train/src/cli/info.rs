@@ -40,8 +40,8 @@ fn of_world_model(context: &Context, run: &Run) -> Result<()> {
     println!("{}", run.path().display());
     println!("  objective    {} (dynamics weight {})", options.objective, options.dynamics_weight);
     println!(
-        "  model        {}, {}, latent {}, depth {}, hidden {}",
-        info.model.task, info.model.observation, options.latent, options.depth, options.hidden
+        "  model        {}, {}, latent {} ({}), depth {}, hidden {}",
+        info.model.task, info.model.observation, options.latent, info.model.latents, options.depth, options.hidden
     );
     let names = info.recording_names();
     println!("  recordings   {} ({} episodes, {} steps)", names.join(", "), info.episodes, info.steps);

@@ -158,7 +158,7 @@ impl Training<'_> {
         loop {
             let go = self.evaluate(&learner, listen)?;
             if self.state.is_finished || go == Go::Stop {
-                self.folder.save(&learner, self.state)?;
+                self.save(&learner)?;
                 return Ok(if self.state.is_finished { End::Updates } else { End::Stopped });
             }
             let begun = Instant::now();
@@ -176,12 +176,18 @@ impl Training<'_> {
             self.metrics.append(&line)?;
             let is_stopped = [go, listen(Event::Lived(&line))].contains(&Go::Stop);
             if is_stopped || self.state.episodes.is_multiple_of(self.options.save_every.max(1)) {
-                self.folder.save(&learner, self.state)?;
+                self.save(&learner)?;
             }
             if is_stopped {
                 return Ok(End::Stopped);
             }
         }
+    }
+
+    /// Saves a checkpoint, and the replay's manifest up to what it was made from.
+    fn save(&self, learner: &SacLearner) -> Result<()> {
+        self.replay.complete()?;
+        self.folder.save(learner, self.state)
     }
 
     /// Who acts with these weights, which it copies.
