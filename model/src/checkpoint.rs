@@ -125,3 +125,20 @@ fn widened(bits: &[u16]) -> Vec<f32> {
 pub(crate) fn not_a_checkpoint(path: &Path, why: impl std::fmt::Display) -> ModelError {
     ModelError::NotACheckpoint { path: path.to_owned(), why: why.to_string() }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+    use super::*;
+
+    #[test]
+    fn a_file_without_tensors_is_read_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("moments.safetensors");
+        for metadata in [HashMap::new(), HashMap::from([("steps".to_owned(), "0".to_owned())])] {
+            save_tensors(&path, &HostTensors::new(), metadata.clone()).unwrap();
+            assert_eq!(load_tensors(&path).unwrap(), (HostTensors::new(), metadata));
+        }
+    }
+}
