@@ -13,6 +13,7 @@
 //! | [`kernels`] | the operations that decide how long an update takes |
 //! | [`gaussian`] | the distributions they predict |
 //! | [`cross_entropy`] | the action a critic values most |
+//! | [`recurrent`], [`belief`] | the networks of agents that act through a GRU without imagining; what is known of an episode |
 //! | [`sac`], [`slow`] | the networks of agents without a world model, and slow copies |
 //! | [`agent`], [`behaviour`] | a trained agent at work; actor and critic together, and their file |
 //! | [`trained`] | whatever was trained, in one shape for everyone who only uses it |
@@ -26,6 +27,7 @@ pub mod actor;
 pub mod adversary;
 pub mod agent;
 pub mod behaviour;
+pub mod belief;
 pub mod checkpoint;
 pub mod cnn;
 pub mod config;
@@ -48,6 +50,7 @@ pub mod model;
 pub mod numbers;
 pub mod observe;
 pub mod parameters;
+pub mod recurrent;
 pub mod returns;
 pub mod reward;
 pub mod sac;

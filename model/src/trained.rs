@@ -11,6 +11,7 @@ use crate::config::ObservationKind;
 use crate::encode::{EpisodeEncoder, RawFrames};
 use crate::error::ModelError;
 use crate::model::Model;
+use crate::recurrent::RecurrentAgent;
 use crate::sac::SacAgent;
 
 /// An agent without a world model.
@@ -18,17 +19,22 @@ use crate::sac::SacAgent;
 pub enum ModelFreeAgent {
     /// It looks at the last few pictures side by side.
     Stacks(Box<SacAgent>),
+    /// It remembers by a GRU.
+    Recurrent(Box<RecurrentAgent>),
 }
 
 impl ModelFreeAgent {
-    /// The file that a checkpoint of such an agent has.
-    const FILES: [&'static str; 1] = [crate::sac::networks::FILE];
+    /// The files that checkpoints of such agents have, one each.
+    const FILES: [&'static str; 2] = [crate::sac::networks::FILE, crate::recurrent::networks::FILE];
 
     /// The agent of a checkpoint's folder.
     ///
     /// # Errors
     /// The folder holds no such networks, or a damaged file.
     pub fn load(checkpoint: &Path, device: &Device) -> Result<Self, ModelError> {
+        if checkpoint.join(crate::recurrent::networks::FILE).is_file() {
+            return Ok(Self::Recurrent(Box::new(RecurrentAgent::load(checkpoint, device)?)));
+        }
         Ok(Self::Stacks(Box::new(SacAgent::load(checkpoint, device)?)))
     }
 
@@ -36,6 +42,7 @@ impl ModelFreeAgent {
     pub fn task(&self) -> &str {
         match self {
             Self::Stacks(agent) => &agent.config().task,
+            Self::Recurrent(agent) => &agent.config().model.task,
         }
     }
 
@@ -43,6 +50,7 @@ impl ModelFreeAgent {
     pub fn observation(&self) -> ObservationKind {
         let [height, width] = match self {
             Self::Stacks(agent) => agent.config().picture,
+            Self::Recurrent(agent) => agent.config().picture,
         };
         ObservationKind::Pixels { height, width }
     }
@@ -51,6 +59,7 @@ impl ModelFreeAgent {
     pub fn bounds(&self) -> [&[f32]; 2] {
         match self {
             Self::Stacks(agent) => [&agent.config().action_min, &agent.config().action_max],
+            Self::Recurrent(agent) => [&agent.config().model.action_min, &agent.config().model.action_max],
         }
     }
 
@@ -58,6 +67,7 @@ impl ModelFreeAgent {
     pub fn latent(&self) -> usize {
         match self {
             Self::Stacks(agent) => agent.config().feature,
+            Self::Recurrent(agent) => agent.config().model.latent,
         }
     }
 
@@ -65,6 +75,7 @@ impl ModelFreeAgent {
     pub fn latents(&self) -> &'static str {
         match self {
             Self::Stacks(_) => "features of the critics",
+            Self::Recurrent(_) => "means of the encoder",
         }
     }
 
@@ -72,6 +83,7 @@ impl ModelFreeAgent {
     pub fn begin(&mut self) {
         match self {
             Self::Stacks(agent) => agent.begin(),
+            Self::Recurrent(agent) => agent.begin(),
         }
     }
 
@@ -79,13 +91,14 @@ impl ModelFreeAgent {
     ///
     /// # Errors
     /// The observation is of another kind or size than the agent's.
-    pub fn observe(&mut self, frame: RawFrames<'_>, _previous_action: &[f32]) -> Result<Vec<f32>, ModelError> {
+    pub fn observe(&mut self, frame: RawFrames<'_>, previous_action: &[f32]) -> Result<Vec<f32>, ModelError> {
         let RawFrames::Pixels(pixels) = frame else {
             let (wanted, found) = (self.observation().to_string(), "vectors".to_owned());
             return Err(ModelError::Mismatch { wanted, found });
         };
         match self {
             Self::Stacks(agent) => agent.observe(pixels),
+            Self::Recurrent(agent) => agent.observe(pixels, previous_action),
         }
     }
 
@@ -93,6 +106,7 @@ impl ModelFreeAgent {
     pub fn choose(&self, choice: Choice, rng: &mut impl Rng) -> Vec<f32> {
         match self {
             Self::Stacks(agent) => agent.choose(choice, rng),
+            Self::Recurrent(agent) => agent.choose(choice, rng),
         }
     }
 }

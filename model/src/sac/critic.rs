@@ -50,8 +50,7 @@ impl TwinCritic {
     /// - `features`: `[rows, feature]`, of [`TwinCritic::features`]; `actions`: `[rows, A]`
     /// - output: `[rows]` each
     pub fn values(&self, features: Tensor<2>, actions: Tensor<2>) -> [Tensor<1>; 2] {
-        let input = Tensor::cat(vec![features, actions], 1);
-        [&self.first, &self.second].map(|mlp| relu_forward(mlp, input.clone()).squeeze_dim(1))
+        twin_values([&self.first, &self.second], features, actions)
     }
 
     /// The action that the smaller value likes most in each row, as the search finds it.
@@ -76,4 +75,10 @@ impl TwinCritic {
             first.min_pair(second)
         })
     }
+}
+
+/// The values of two critics, perceptrons over (features, action): `[rows, feature]`, `[rows, A]` to `[rows]` each.
+pub fn twin_values(critics: [&Mlp; 2], features: Tensor<2>, actions: Tensor<2>) -> [Tensor<1>; 2] {
+    let input = Tensor::cat(vec![features, actions], 1);
+    critics.map(|mlp| relu_forward(mlp, input.clone()).squeeze_dim(1))
 }

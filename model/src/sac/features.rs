@@ -98,12 +98,12 @@ impl Trunk {
 }
 
 /// A linear layer with orthogonal weights and zero bias.
-pub(super) fn orthogonal_linear([input, output]: [usize; 2], rng: &mut impl Rng, device: &Device) -> Linear {
+pub(crate) fn orthogonal_linear([input, output]: [usize; 2], rng: &mut impl Rng, device: &Device) -> Linear {
     Linear { weight: orthogonal([input, output], 1.0, rng, device), bias: constant([output], 0.0, device) }
 }
 
 /// A perceptron of two hidden layers with orthogonal weights, to be run by [`relu_forward`].
-pub(super) fn orthogonal_mlp([input, hidden, output]: [usize; 3], rng: &mut impl Rng, device: &Device) -> Mlp {
+pub(crate) fn orthogonal_mlp([input, hidden, output]: [usize; 3], rng: &mut impl Rng, device: &Device) -> Mlp {
     Mlp {
         first: orthogonal_linear([input, hidden], rng, device),
         second: orthogonal_linear([hidden, hidden], rng, device),
@@ -112,7 +112,7 @@ pub(super) fn orthogonal_mlp([input, hidden, output]: [usize; 3], rng: &mut impl
 }
 
 /// Linear, `ReLU`, linear, `ReLU`, linear.
-pub(super) fn relu_forward(mlp: &Mlp, x: Tensor<2>) -> Tensor<2> {
+pub(crate) fn relu_forward(mlp: &Mlp, x: Tensor<2>) -> Tensor<2> {
     let x = mlp.first.forward(x).clamp_min(0.0);
     let x = mlp.second.forward(x).clamp_min(0.0);
     mlp.last.forward(x)

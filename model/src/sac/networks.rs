@@ -21,7 +21,7 @@ use crate::parameters::{read_parameters, write_parameters};
 /// Their file in a checkpoint.
 pub const FILE: &str = "sac.safetensors";
 /// First temperature.
-const TEMPERATURE: f32 = 0.1;
+pub(crate) const TEMPERATURE: f32 = 0.1;
 
 /// The weight of entropy, as its logarithm.
 #[derive(Module, Debug)]
