@@ -24,6 +24,8 @@ pub fn find_place(place: &str, folder: &Path, is_it: impl Fn(&Path) -> bool) -> 
 
 /// The absolute path without `.` and `..`. Links are not followed: they may be what makes a folder movable.
 fn whole(path: &Path) -> PathBuf {
+    // The folder of a file in the present folder is named by nothing, which has no absolute path.
+    let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
     let mut plain = PathBuf::new();
     for part in std::path::absolute(path).unwrap_or_else(|_unknown| path.to_owned()).components() {
         match part {
@@ -48,6 +50,7 @@ mod tests {
         assert_eq!(place("/a/runs/y/checkpoints/000001", "/a/runs/y"), "checkpoints/000001");
         assert_eq!(place("recordings/./x", "runs/../runs/y"), "../../recordings/x");
         assert_eq!(place("/a", "/a"), ".");
+        assert_eq!(place("runs/y", ""), "runs/y", "the folder of a file in the present folder");
     }
 
     #[test]
