@@ -1,5 +1,5 @@
 //! A small copy of a run, to be kept in a repository or sent to somebody. In: a run folder. Out: another run folder with the newest weights in half precision, the
-//! run's options, its curves thinned to a few hundred lines, and its summary.
+//! run's options, its curves thinned to a few hundred lines, and a page about it.
 //!
 //! With [`Extent::Acting`] the adversary is left out too: enough to encode, to evaluate and to act, and not to train on.
 //!
@@ -17,11 +17,12 @@ use vibes_model::checkpoint::copy_in_half;
 use crate::error::{Result, TrainError, io};
 use crate::json::write_json;
 use crate::run::{Run, RunInfo};
+use crate::summary::write_summary;
 
 /// Most lines that are kept of a curve.
 const LINES: usize = 250;
 /// Files of a run that are copied as they are, where there are any.
-const WHOLE: [&str; 4] = ["config.toml", "summary.md", "online.json", "evaluation.json"];
+const WHOLE: [&str; 2] = ["config.toml", "online.json"];
 /// Files of numbers, one line a row.
 const CURVES: [&str; 2] = ["metrics.jsonl", "evaluations.jsonl"];
 
@@ -74,6 +75,8 @@ pub fn keep(run: &Run, to: &Path, extent: Extent) -> Result<Kept> {
     }
     let recordings = info.recording_names().into_iter().map(|name| format!("recordings/{name}")).collect();
     write_json(&to.join("run.json"), &RunInfo { recordings, from: None, ..info })?;
+    // Its page says its own name.
+    write_summary(&Run::open(to)?)?;
     Ok(Kept { update, bytes: size(to)? })
 }
 
