@@ -5,6 +5,7 @@ mod bench;
 mod export;
 mod extend;
 mod filter;
+mod idle;
 mod import;
 mod info;
 mod merge;

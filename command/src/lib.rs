@@ -1,7 +1,7 @@
 //! What the command lines of the three programs share, so that one rule holds for all of them.
 //!
 //! In: a program's clap parser and its work. Out: the process's exit code. On the way: options from a file ([`config`](self#options-from-a-file)),
-//! how much is said ([`Output`]), how it ended ([`Ending`]), and a clean stop on signals ([`stop_on_signals`]).
+//! how much is said ([`Output`]), which options were given ([`Given`]), how it ended ([`Ending`]), and a clean stop on signals ([`stop_on_signals`]).
 //!
 //! # Options from a file
 //!
@@ -11,11 +11,13 @@
 
 mod config;
 mod ending;
+mod given;
 mod output;
 mod program;
 mod signals;
 
 pub use ending::{Ending, error_text};
+pub use given::{Given, options_of};
 pub use output::Output;
 pub use program::run;
 pub use signals::stop_on_signals;

@@ -2,6 +2,7 @@
 
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -30,8 +31,8 @@ fn said(folder: &Path, line: &str, code: i32) -> String {
 /// A verb of each program that does little, and an option of it with a value that is not its default.
 const LINES: [(&str, &str, &str); 3] = [
     ("vibes-collect", "--episodes 1 --steps 3 --size 8 --video-count 1 --no-mcap -o made", "seed = 7"),
-    ("vibes-train", "info run", "device = \"flex\""),
-    ("vibes-analyze", "curves run", "seed = 7"),
+    ("vibes-train", "bench --preset tiny --size 16 --repeats 1", "batch = 2"),
+    ("vibes-analyze", "curves run", "note = \"early\""),
 ];
 
 /// A folder with a run in it.
@@ -138,5 +139,69 @@ fn an_error_gives_its_cause_once() {
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(matches!(output.status.code(), Some(1 | 2)), "{line}\n{said}");
         assert!(said.matches("No such file").count() <= 1, "{line}\n{said}");
+    }
+}
+
+/// The names behind `--` in a verb's help.
+fn options_in_help(folder: &Path, line: &str) -> BTreeSet<String> {
+    let output = run(folder, &format!("{line} --help"));
+    assert!(output.status.success(), "{line}");
+    let help = String::from_utf8(output.stdout).unwrap();
+    let names = help.lines().filter_map(|line| {
+        let line = line.trim_start();
+        let line = line.strip_prefix('-').and_then(|rest| rest.split_once(", ")).map_or(line, |(_, rest)| rest);
+        let name = line.strip_prefix("--")?;
+        Some(name.chars().take_while(|c| c.is_ascii_alphanumeric() || *c == '-').collect())
+    });
+    names.collect()
+}
+
+/// The verbs that a program's help lists.
+fn verbs(folder: &Path, name: &str) -> Vec<String> {
+    let help = String::from_utf8(run(folder, &format!("{name} --help")).stdout).unwrap();
+    let list = help.split("Commands:").nth(1).unwrap().split("\n\n").next().unwrap();
+    let first = list.lines().filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    first.filter_map(|line| line.split_whitespace().next()).filter(|verb| *verb != "help").map(str::to_owned).collect()
+}
+
+/// An option that all verbs take is one that some do not look at, but for how much is said and where options come from.
+#[test]
+fn no_option_is_every_verbs_but_the_shared_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let shared: BTreeSet<String> =
+        ["config", "help", "json", "quiet", "verbose", "version"].map(str::to_owned).into_iter().collect();
+    for name in ["vibes-collect", "vibes-train", "vibes-analyze"] {
+        let verbs = verbs(folder.path(), name);
+        assert!(verbs.len() > 5, "{name}: {verbs:?}");
+        let of_each = verbs.iter().map(|verb| options_in_help(folder.path(), &format!("{name} {verb}")));
+        let every = of_each.reduce(|all, more| &all & &more).unwrap();
+        let extra: Vec<_> = every.difference(&shared).collect();
+        assert!(extra.is_empty() && every.contains("json"), "{name}: {extra:?} of {every:?}");
+    }
+}
+
+#[test]
+fn an_option_that_has_no_effect_is_an_error() {
+    let folder = folder();
+    let folder = folder.path();
+    for (line, option) in [
+        ("vibes-collect --episodes 1 --distract none --video-count 3 -o made", "--video-count"),
+        ("vibes-collect --episodes 1 --distract background --camera-seed 3 -o made", "--camera-seed"),
+        ("vibes-collect --episodes 1 --distract none --difficulty easy -o made", "--difficulty"),
+        ("vibes-collect render nowhere --distract color --videos procedural -o made", "--videos"),
+        ("vibes-train offline nowhere --objective deepmdp --clip none -o made", "--clip"),
+        ("vibes-train offline nowhere --objective no-adversary --adversary-lr 0.1 -o made", "--adversary-lr"),
+        ("vibes-train offline nowhere --preset tiny --inverse-steps 3 -o made", "--inverse-steps"),
+        ("vibes-train online --task cartpole-swingup --system sac-drq -o made", "--system"),
+        ("vibes-train online --task cartpole-swingup --agent sac --hidden 20 -o made", "--hidden"),
+        ("vibes-train online --task cartpole-swingup --agent sac --rows-per-step 20 -o made", "--rows-per-step"),
+        ("vibes-train online --task cartpole-swingup --distract camera --video-count 2 -o made", "--video-count"),
+        ("vibes-train info run --device flex", "--device"),
+        ("vibes-train bench --system sac-drq --recipe", "--recipe"),
+        ("vibes-analyze curves run --seed 3", "--seed"),
+    ] {
+        let said = said(folder, line, 2);
+        assert!(said.contains(option), "{line}\n{said}");
+        assert!(!folder.join("made").exists(), "{line}");
     }
 }

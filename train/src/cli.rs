@@ -36,9 +36,6 @@ struct Cli {
     command: Command,
     #[command(flatten)]
     output: Output,
-    /// Where tensors live.
-    #[arg(long, global = true, default_value = "flex", value_name = "DEVICE")]
-    device: device::DeviceName,
 }
 
 /// What every command gets beside its own options.
@@ -47,7 +44,6 @@ struct Context {
     verbose: bool,
     quiet: bool,
     json: bool,
-    device: device::DeviceName,
 }
 
 #[derive(Debug, Subcommand)]
@@ -88,7 +84,7 @@ fn judge(error: &anyhow::Error) -> Ending {
 
 fn dispatch(cli: Cli) -> anyhow::Result<Ending> {
     let Output { verbose, quiet, json } = cli.output;
-    let context = Context { verbose, quiet, json, device: cli.device };
+    let context = Context { verbose, quiet, json };
     match cli.command {
         Command::Offline(args) => return offline::run(&context, args),
         Command::Online(args) => return online::run(&context, &args),

@@ -11,6 +11,7 @@ use crate::error::{Result, TrainError, io, malformed};
 use crate::learners::auxiliary::{asked, steps_ahead};
 use crate::learners::objective::Objective;
 
+mod effect;
 pub mod own;
 pub mod presets;
 

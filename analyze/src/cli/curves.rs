@@ -39,9 +39,6 @@ pub(super) struct Options {
     /// Where the output goes [default: the folder `figures` in the first run].
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
-    /// Seed (nothing here is random; taken so that all verbs have the same options).
-    #[arg(long, default_value_t = 0, hide = true)]
-    seed: u64,
     /// A line under the title of every figure.
     #[arg(long, value_name = "TEXT")]
     note: Option<String>,

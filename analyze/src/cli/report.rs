@@ -165,12 +165,12 @@ fn chapter(
 /// Runs a verb as if it had been typed and puts its figures and its line into the section; a verb that fails says why.
 fn answer(options: &Options, words: &[&str], folder: &Path, mut section: Section) -> (Section, Value) {
     let folder = folder.display().to_string();
-    let seed = options.seed.to_string();
-    let mut typed: Vec<String> = [&["vibes-analyze"], words, &["--quiet", "-o", &folder, "--seed", &seed]]
-        .concat()
-        .into_iter()
-        .map(String::from)
-        .collect();
+    let typed = [&["vibes-analyze"], words, &["--quiet", "-o", &folder]].concat();
+    let mut typed: Vec<String> = typed.into_iter().map(String::from).collect();
+    // Nothing is drawn in these.
+    if !["curves", "decode"].contains(&words[0]) {
+        typed.extend(["--seed".into(), options.seed.to_string()]);
+    }
     if let Some(note) = &options.note {
         typed.extend(["--note".into(), note.clone()]);
     }

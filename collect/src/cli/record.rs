@@ -6,11 +6,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
-use vibes_command::stop_on_signals;
+use vibes_command::{Given, stop_on_signals};
 use vibes_data::{Grid, Recording};
 
 use super::axis_seeds::AxisSeedArgs;
-use super::{Outcome, OutputArgs, show};
+use super::{Outcome, OutputArgs, idle, show};
 use crate::plan::RecordOptions;
 use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, cores, record};
 use crate::returns::Returns;
@@ -98,6 +98,8 @@ pub(super) struct RecordArgs {
     /// Options from a TOML file; its keys are the long options, and what is typed overrides it.
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
+    #[command(flatten)]
+    given: Given,
 }
 
 /// `10x10`, with x, X or ×.
@@ -167,6 +169,7 @@ impl RecordArgs {
 }
 
 pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
+    idle::check(&args.given, args.distract)?;
     let options = args.resolve()?;
     let folder = args.folder(&options);
     let stop = stop_on_signals()?;

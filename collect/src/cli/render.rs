@@ -4,11 +4,12 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
+use vibes_command::Given;
 use vibes_data::Recording;
 
 use super::axis_seeds::AxisSeedArgs;
 use super::record::told;
-use super::{Outcome, OutputArgs};
+use super::{Outcome, OutputArgs, idle};
 use crate::recorder::cores;
 use crate::redraw::{NewDistractors, Redraw};
 use vibes_env::distractors::{Axes, Difficulty};
@@ -63,6 +64,8 @@ pub(super) struct RenderArgs {
     /// Worker threads, each with a render context; at most one per core, the default.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: Option<u16>,
+    #[command(flatten)]
+    given: Given,
 }
 
 fn parse_degrees(text: &str) -> Result<f64, String> {
@@ -96,6 +99,7 @@ impl RenderArgs {
 }
 
 pub(super) fn run(args: &RenderArgs, output: OutputArgs) -> Result<Outcome> {
+    idle::check(&args.given, args.distract.unwrap_or(Axes::ALL))?;
     let recording = Recording::open(&args.recording)?;
     let run = (args.threads.map_or_else(cores, usize::from), vibes_command::stop_on_signals()?);
     let wanted = recording.episodes().len() as u64;

@@ -10,12 +10,13 @@ use vibes_train::online::prepare::{default_options, default_world};
 use vibes_train::options::Options;
 
 use super::Context;
+use super::device::DeviceArgs;
 use super::flags::OptionArgs;
 
 #[derive(Debug, Args)]
 pub(crate) struct BenchArgs {
     /// Time an agent without a world model instead, by its system's name, at the size `small`; every update steps the actor.
-    #[arg(long, value_name = "SYSTEM")]
+    #[arg(long, value_name = "SYSTEM", conflicts_with_all = ["recording", "online", "recipe"])]
     pub(crate) system: Option<String>,
     /// Width of that agent's perceptrons [default: the system's].
     #[arg(long, value_name = "N", requires = "system")]
@@ -39,6 +40,8 @@ pub(crate) struct BenchArgs {
     recipe: bool,
     #[command(flatten)]
     options: OptionArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 /// An agent without a world model.
@@ -47,7 +50,7 @@ pub(crate) fn of_agent(context: &Context, args: &BenchArgs, system: &str) -> Res
 
     let made = SacOptions::system(system, Size::Small)?;
     let options = SacOptions { hidden: args.system_hidden.unwrap_or(made.hidden), ..made };
-    let device = context.device.open()?;
+    let device = args.device.open()?;
     let ms = vibes_train::learners::sac::bench::bench(&options, args.size, args.actions, args.repeats, &device)?;
     if context.json {
         println!("{}", serde_json::json!({ "system": system, "update_ms": ms }));
@@ -65,7 +68,7 @@ pub(crate) fn run(context: &Context, args: &BenchArgs) -> Result<()> {
     }
     let sizes = Sizes { picture: args.size, actions: args.actions, repeats: args.repeats };
     let recording = args.recording.as_ref().map(|path| Recording::open(path)).transpose()?;
-    let report = bench(&options, sizes, recording.as_ref(), &context.device.open()?)?;
+    let report = bench(&options, sizes, recording.as_ref(), &args.device.open()?)?;
     if context.json {
         println!("{}", serde_json::to_string(&report)?);
         return Ok(());
@@ -91,7 +94,7 @@ pub(crate) fn run(context: &Context, args: &BenchArgs) -> Result<()> {
 
 fn online(context: &Context, args: &BenchArgs, options: &Options, task: &str) -> Result<()> {
     let settings = default_options(default_world(task)?, false);
-    let report = bench_online(options, &settings, args.repeats, &context.device.open()?)?;
+    let report = bench_online(options, &settings, args.repeats, &args.device.open()?)?;
     if context.json {
         println!("{}", serde_json::to_string(&report)?);
         return Ok(());

@@ -14,6 +14,7 @@ use vibes_train::decode::{DecodeOptions, decode, decoder_tensors};
 use vibes_train::run::Run;
 
 use super::Context;
+use super::device::DeviceArgs;
 
 #[derive(Debug, Args)]
 pub(crate) struct DecodeArgs {
@@ -39,6 +40,8 @@ pub(crate) struct DecodeArgs {
     /// Where to write the pictures [default: RUN/decoded.arrow]; the decoder's weights lie beside them.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 pub(crate) fn run(context: &Context, args: &DecodeArgs) -> Result<()> {
@@ -47,7 +50,7 @@ pub(crate) fn run(context: &Context, args: &DecodeArgs) -> Result<()> {
     let output = args.output.clone().unwrap_or_else(|| args.run.join("decoded.arrow"));
     let fit = Recording::open(&args.recording)?;
     let show = args.show.as_ref().map(|path| Recording::open(path)).transpose()?;
-    let device = context.device.open()?;
+    let device = args.device.open()?;
     let model = Model::load(&checkpoint, &device)?;
     let options = DecodeOptions {
         updates: args.updates,

@@ -2,11 +2,26 @@
 
 use anyhow::Result;
 use burn::tensor::Device;
-use clap::ValueEnum;
+use clap::{Args, ValueEnum};
+
+/// The option, for the verbs that compute.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct DeviceArgs {
+    /// Where tensors live.
+    #[arg(long = "device", default_value = "flex", value_name = "DEVICE")]
+    name: DeviceName,
+}
+
+impl DeviceArgs {
+    /// The device itself.
+    pub(crate) fn open(self) -> Result<Device> {
+        self.name.open()
+    }
+}
 
 /// A backend by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum DeviceName {
+enum DeviceName {
     /// The CPU, with kernels of our own.
     Flex,
     /// The CPU, through ndarray: slow, for comparison.
@@ -18,8 +33,7 @@ pub(crate) enum DeviceName {
 }
 
 impl DeviceName {
-    /// The device itself.
-    pub(crate) fn open(self) -> Result<Device> {
+    fn open(self) -> Result<Device> {
         match self {
             Self::Flex => Ok(Device::flex()),
             Self::Ndarray => Ok(ndarray()),

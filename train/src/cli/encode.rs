@@ -13,6 +13,7 @@ use vibes_train::encode::encode_recording;
 use vibes_train::trained::TrainedRun;
 
 use super::Context;
+use super::device::DeviceArgs;
 
 #[derive(Debug, Args)]
 pub(crate) struct EncodeArgs {
@@ -23,10 +24,12 @@ pub(crate) struct EncodeArgs {
     /// Where to write the latents [default: RUN/latents.arrow].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 pub(crate) fn run(context: &Context, args: &EncodeArgs) -> Result<()> {
-    let device = context.device.open()?;
+    let device = args.device.open()?;
     let (trained, checkpoint) = if args.run.is_file() {
         (Trained::World(Box::new(Model::load(&args.run, &device)?)), args.run.clone())
     } else {

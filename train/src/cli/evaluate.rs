@@ -12,6 +12,7 @@ use vibes_train::evaluate::{EvaluateOptions, GapOptions, Gaps, Likelihoods, Repo
 use vibes_train::trained::TrainedRun;
 
 use super::Context;
+use super::device::DeviceArgs;
 
 #[derive(Debug, Args)]
 pub(crate) struct EvaluateArgs {
@@ -28,12 +29,14 @@ pub(crate) struct EvaluateArgs {
     /// Where to write the numbers [default: RUN/evaluation.json].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     let run = TrainedRun::open(&args.run)?;
     let grid = Recording::open(&args.grid)?;
-    let device = context.device.open()?;
+    let device = args.device.open()?;
     let (trained, checkpoint) = run.load(&device)?;
     let training = run.open_recordings();
     let to_fit = match &training {

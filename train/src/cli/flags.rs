@@ -126,7 +126,12 @@ impl OptionArgs {
     /// The preset, and over it the flags, typed or from a file.
     pub(crate) fn resolve(&self) -> Result<Options> {
         let layers = self.layers()?;
-        Ok(Options::resolve(&self.preset, &by_name(&layers))?)
+        let objective = layers[0].1.iter().filter(|(key, _)| *key == "objective");
+        let objective: Table = objective.map(|(key, value)| (key.clone(), value.clone())).collect();
+        let base = Options::resolve(&self.preset, &[("the arguments", objective)])?;
+        let options = Options::resolve(&self.preset, &by_name(&layers))?;
+        options.check_effect(&base)?;
+        Ok(options)
     }
 
     /// The same without the preset's recipe: the objective as it is written.
@@ -137,7 +142,9 @@ impl OptionArgs {
     /// The flags, typed or from a file, over other options than a preset's.
     pub(crate) fn over(&self, options: &Options) -> Result<Options> {
         let layers = self.layers()?;
-        Ok(options.with(&by_name(&layers))?)
+        let laid = options.with(&by_name(&layers))?;
+        laid.check_effect(options)?;
+        Ok(laid)
     }
 
     fn layers(&self) -> Result<Vec<(String, Table)>> {

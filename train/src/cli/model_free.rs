@@ -15,6 +15,7 @@ use vibes_train::online::model_free::{Event, model_free};
 use vibes_train::online::options::OnlineOptions;
 
 use super::Context;
+use super::device::DeviceArgs;
 
 /// Time between lines.
 const EVERY: Duration = Duration::from_secs(15);
@@ -140,8 +141,8 @@ impl ModelFreeArgs {
 
 /// Trains, and says how it goes.
 #[allow(clippy::print_stdout, clippy::print_stderr, reason = "the command line says what it does")]
-pub(crate) fn run(context: &Context, folder: &Folder) -> Result<Ending> {
-    let device = context.device.open()?;
+pub(crate) fn run(context: &Context, folder: &Folder, device: DeviceArgs) -> Result<Ending> {
+    let device = device.open()?;
     let stop = stop_on_signals()?;
     let (options, path) = (folder.options(), folder.path().display());
     let say = |text: &str| {

@@ -12,6 +12,7 @@ use vibes_train::options::Options;
 use vibes_train::prepare::prepare;
 use vibes_train::run::Run;
 
+use super::device::DeviceArgs;
 use super::flags::OptionArgs;
 use super::progress::Progress;
 use super::window_log::WindowLog;
@@ -42,6 +43,8 @@ pub(crate) struct OfflineArgs {
     log_windows: bool,
     #[command(flatten)]
     options: OptionArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
@@ -50,7 +53,7 @@ pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
     let output = args.output.unwrap_or_else(|| default_run(&args.recordings[0], options.objective.name()));
     let held_out = args.eval.as_ref().map(|path| Recording::open(path)).transpose()?;
     let held_out = held_out.map(|grid| HeldOut { grid, every: args.eval_every, gap_updates: args.gap_updates });
-    let device = context.device.open()?;
+    let device = args.device.open()?;
     let run = prepare(&output, &recordings, &options, args.from.as_deref())?;
     let stop = stop_on_signals()?;
     let mut progress = Progress::new(context, &options);

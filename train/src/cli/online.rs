@@ -4,20 +4,22 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::Args;
-use vibes_command::{Ending, stop_on_signals};
+use vibes_command::{Ending, Given, options_of, stop_on_signals};
 use vibes_env::distractors::{Axes, Difficulty};
 use vibes_env::render::Look;
 use vibes_env::videos::VideoSource;
+use vibes_train::TrainError;
 use vibes_train::fit::{End, Go};
 use vibes_train::learners::behaviour::{BehaviourOptions, Gradient};
 use vibes_train::online::model_free::folder::Folder;
-use vibes_train::online::options::OnlineOptions;
+use vibes_train::online::options::{OnlineOptions, WorldOptions};
 use vibes_train::online::prepare::{self, Prepared};
 use vibes_train::online::protocol::Protocol;
 use vibes_train::online::{Setup, online};
 use vibes_train::run::Run;
 
 use super::Context;
+use super::device::DeviceArgs;
 use super::flags::OptionArgs;
 use super::model_free::{self, ModelFreeArgs};
 use super::online_progress::OnlineProgress;
@@ -54,6 +56,10 @@ pub(crate) struct OnlineArgs {
     model_free: ModelFreeArgs,
     #[command(flatten)]
     options: OptionArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+    #[command(flatten)]
+    given: Given,
 }
 
 /// How much is lived through and learned.
@@ -127,7 +133,7 @@ struct WorldArgs {
     #[arg(long)]
     no_pixels: bool,
     /// fast, or suite for pixels as the Distracting Control Suite's own [default: fast].
-    #[arg(long)]
+    #[arg(long, conflicts_with = "no_pixels")]
     render: Option<Look>,
     /// Control steps an action is held [default: the task's].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
@@ -200,17 +206,46 @@ impl OnlineArgs {
         Ok(())
     }
 
+    /// That nothing was given that this agent, or a world like this, does not look at.
+    fn check_given(&self, is_model_free: bool, world: &WorldOptions) -> Result<()> {
+        let of_other: Vec<String> = if is_model_free {
+            let work = ["rows_per_step", "given_share", "first_updates", "critic_first", "short_horizon", "short_for"];
+            let work = work.into_iter().map(str::to_owned);
+            let model = options_of::<OptionArgs>().into_iter().filter(|option| option != "seed");
+            model.chain(options_of::<BehaviourArgs>()).chain(work).collect()
+        } else {
+            options_of::<ModelFreeArgs>().into_iter().filter(|option| option != "agent").collect()
+        };
+        let agent = if is_model_free { "without a world model" } else { "with a world model (--agent dreamer)" };
+        let axes = world.distractors.axes;
+        let background: &[&str] = if axes.background { &[] } else { &["videos", "video_count"] };
+        let any: &[&str] = if axes == Axes::NONE { &["difficulty", "static"] } else { &[] };
+        let idle = |option: Option<String>, where_: String| match option {
+            Some(option) => Err(TrainError::Options(format!("{option} has no effect {where_}; leave it out"))),
+            None => Ok(()),
+        };
+        idle(self.given.first_of(of_other.iter().map(String::as_str)), format!("for an agent {agent}"))?;
+        let distractors = [background, any].concat();
+        Ok(idle(self.given.first_of(distractors), "without such distractors (--distract)".to_owned())?)
+    }
+
     /// The run without a world model that is asked for, if one is: by its agent, or by being the run to go on with.
     fn model_free(&self) -> Result<Option<Folder>> {
         if let Some(found) = self.from.run.as_deref().map(Folder::open).transpose()?.flatten() {
             let mut options = found.options().clone();
             self.lay_over(&mut options.online)?;
+            self.check_given(true, &options.online.world)?;
+            let settled = options_of::<ModelFreeArgs>();
+            if let Some(option) = self.given.first_of(settled.iter().map(String::as_str)) {
+                let text = format!("{option} has no effect on a run that is there; leave it out, or begin another");
+                anyhow::bail!(TrainError::Options(text));
+            }
             return Ok(Some(Folder::create_or_open(found.path(), options)?));
         }
         let Some(task) = self.from.task.as_deref().filter(|_| self.model_free.is_asked()) else {
             if self.model_free.is_asked() {
                 let text = "agents without a world model begin with --task, or go on with a run of theirs";
-                anyhow::bail!(vibes_train::TrainError::Options(text.to_owned()));
+                anyhow::bail!(TrainError::Options(text.to_owned()));
             }
             return Ok(None);
         };
@@ -218,6 +253,7 @@ impl OnlineArgs {
         world.size = self.model_free.picture_size()?.or(world.size);
         let mut options = prepare::default_options(world, false);
         self.lay_over(&mut options)?;
+        self.check_given(true, &options.world)?;
         let seed = self.options.resolve()?.seed;
         Ok(Some(self.model_free.prepare(self.output.as_deref(), seed, options)?))
     }
@@ -228,6 +264,7 @@ impl OnlineArgs {
             let model = self.options.resolve()?;
             let mut options = prepare::default_options(prepare::default_world(task)?, false);
             self.lay_over(&mut options)?;
+            self.check_given(false, &options.world)?;
             let folder = format!("runs/{task}-online-{}", model.objective);
             let output = self.output.clone().unwrap_or_else(|| PathBuf::from(folder));
             return Ok(prepare::from_nothing(&output, &model, options)?);
@@ -237,17 +274,19 @@ impl OnlineArgs {
         let model = self.options.over(&found.info().options)?;
         if let Some(mut options) = OnlineOptions::read(path)? {
             self.lay_over(&mut options)?;
+            self.check_given(false, &options.world)?;
             return Ok(prepare::again(path, &model, options)?);
         }
         let mut options = prepare::default_options(world_of(&found)?, true);
         self.lay_over(&mut options)?;
+        self.check_given(false, &options.world)?;
         let output = self.output.clone().unwrap_or_else(|| beside(path));
         Ok(prepare::from_run(&output, &found, &model, options)?)
     }
 }
 
 /// The world that an offline run's pictures come from.
-fn world_of(run: &Run) -> Result<vibes_train::online::options::WorldOptions> {
+fn world_of(run: &Run) -> Result<WorldOptions> {
     let model = &run.info().model;
     let mut world = prepare::default_world(&model.task)?;
     world.size = match model.observation {
@@ -320,10 +359,10 @@ impl BehaviourArgs {
 
 pub(crate) fn run(context: &Context, args: &OnlineArgs) -> Result<Ending> {
     if let Some(folder) = args.model_free()? {
-        return model_free::run(context, &folder);
+        return model_free::run(context, &folder, args.device);
     }
     let prepared = args.prepare()?;
-    let device = context.device.open()?;
+    let device = args.device.open()?;
     let stop = stop_on_signals()?;
     let mut progress = OnlineProgress::new(context, &prepared.options);
     progress.describe(&prepared);

@@ -70,6 +70,11 @@ pub trait Definition: fmt::Debug + Sync {
         &[]
     }
 
+    /// Options that it looks at: its own, and those that it shares with another.
+    fn reads(&self) -> &'static [Declared] {
+        self.options()
+    }
+
     /// The networks it needs beside encoder, dynamics and reward; `actions` is the number of values of an action.
     fn networks(&self, options: &Options, actions: usize) -> Networks;
 

@@ -17,6 +17,7 @@ use crate::error::Result;
 use crate::learners::losses::mico;
 use crate::learners::scene::Scene;
 use crate::options::Options;
+use crate::options::own::Declared;
 
 /// The objective.
 #[derive(Debug)]
@@ -29,6 +30,10 @@ impl Definition for Mico {
 
     fn about(&self) -> &'static str {
         "latents lie as far apart as rewards and next latents differ, by the MICo distance; latents are not normalised"
+    }
+
+    fn reads(&self) -> &'static [Declared] {
+        &[DISCOUNT]
     }
 
     fn networks(&self, _options: &Options, _actions: usize) -> Networks {

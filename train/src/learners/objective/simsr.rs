@@ -17,6 +17,7 @@ use crate::error::Result;
 use crate::learners::losses::simsr;
 use crate::learners::scene::{Scene, predict};
 use crate::options::Options;
+use crate::options::own::Declared;
 
 /// The objective.
 #[derive(Debug)]
@@ -29,6 +30,10 @@ impl Definition for SimSr {
 
     fn about(&self) -> &'static str {
         "latents lie as far apart as rewards and sampled next latents differ, by their cosine (SimSR)"
+    }
+
+    fn reads(&self) -> &'static [Declared] {
+        &[DISCOUNT]
     }
 
     fn networks(&self, _options: &Options, _actions: usize) -> Networks {

@@ -1,0 +1,32 @@
+//! Options about distractors that are not there: given, they are wrong, because they would have no effect.
+
+use vibes_command::Given;
+use vibes_env::distractors::Axes;
+
+use crate::error::{Error, Result};
+
+/// What is only looked at where an axis is there.
+const OF_BACKGROUND: [&str; 4] = ["videos", "video_set", "video_count", "background_seed"];
+const OF_CAMERA: [&str; 1] = ["camera_seed"];
+const OF_COLOR: [&str; 1] = ["color_seed"];
+/// What is only looked at where any is there.
+const OF_ANY: [&str; 3] = ["difficulty", "dynamic", "static"];
+
+/// # Errors
+/// One of the given options is about an axis that these are without.
+pub(super) fn check(given: &Given, axes: Axes) -> Result<()> {
+    let groups: [(bool, &[&str], &str); 4] = [
+        (axes.background, &OF_BACKGROUND, "background"),
+        (axes.camera, &OF_CAMERA, "camera"),
+        (axes.color, &OF_COLOR, "color"),
+        (axes != Axes::NONE, &OF_ANY, "all"),
+    ];
+    let idle = groups.into_iter().filter(|(is_there, ..)| !is_there);
+    let mut found = idle.filter_map(|(_, options, axis)| Some((given.first_of(options.iter().copied())?, axis)));
+    found.next().map_or(Ok(()), |(option, axis)| {
+        Err(Error::Selection {
+            fact: format!("{option} has no effect without such distractors"),
+            expected: format!("leave it out, or ask for them with --distract {axis}"),
+        })
+    })
+}

@@ -1,0 +1,100 @@
+//! Options that have no effect: changed, although nothing of the run looks at them. In: options, and those that they were laid over. Out: which, and why.
+
+use toml::Table;
+
+use super::Options;
+use crate::error::{Result, TrainError};
+use crate::learners::{auxiliary, objective};
+
+impl Options {
+    /// # Errors
+    /// An option differs from `base`'s, and neither the objective nor a term that is on looks at it.
+    pub fn check_effect(&self, base: &Self) -> Result<()> {
+        match self.idle(base) {
+            Some((flag, why)) => Err(TrainError::Options(format!("--{flag} has no effect: {why}; leave it out"))),
+            None => Ok(()),
+        }
+    }
+
+    fn idle(&self, base: &Self) -> Option<(String, String)> {
+        let (mine, theirs) = (Table::try_from(self).ok()?, Table::try_from(base).ok()?);
+        let changed = |key: &str| mine.get(key) != theirs.get(key);
+        let name = self.objective.to_string();
+        let is_read = |flag: &str| self.objective.reads().iter().any(|option| option.flag == flag);
+        let own = objective::REGISTRY.iter().flat_map(|definition| definition.options());
+        let mut own = own.filter(|option| changed(&option.key()) && !is_read(option.flag));
+        if let Some(option) = own.next() {
+            return Some((option.flag.to_owned(), format!("the objective {name} does not look at it")));
+        }
+        let off = auxiliary::REGISTRY.iter().filter(|term| term.weight(self) <= 0.0 && term.weight(base) <= 0.0);
+        let mut of_terms = off.flat_map(|term| term.options().iter().map(move |option| (option, term)));
+        if let Some((option, term)) = of_terms.find(|(option, _)| changed(&option.key())) {
+            return Some((option.flag.to_owned(), format!("the term {} is off", term.metric())));
+        }
+        let without = |key: &str, there: bool, why: &str| {
+            (!there && changed(key)).then(|| (key.replace('_', "-"), format!("the objective {name} {why}")))
+        };
+        let (adversary, waits) = (self.objective.networks(self, 1).adversary, self.objective.gate(self).is_some());
+        without("adversary_lr", adversary, "has no adversary")
+            .or_else(|| without("dynamics_start", waits, "does not wait"))
+            .or_else(|| without("dynamics_after", waits, "does not wait"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use toml::Value;
+
+    use super::*;
+    use crate::learners::objective::Objective;
+    use crate::options::own::{Declared, Kind};
+
+    /// Another value than the option's default.
+    fn other(option: &Declared) -> Value {
+        match option.kind {
+            Kind::Number { default } => Value::Float(default + 0.125),
+            Kind::Whole { default } => Value::Integer(default as i64 + 1),
+            Kind::Choice { default, among } => {
+                Value::String(among.iter().find(|word| **word != default).unwrap().to_string())
+            }
+        }
+    }
+
+    fn laid(objective: Objective, key: &str, value: Value) -> Result<()> {
+        let layer = |entries: Vec<(&str, Value)>| -> Table {
+            entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+        };
+        let named = Value::String(objective.to_string());
+        let base = Options::resolve("tiny", &[("a test", layer(vec![("objective", named.clone())]))])?;
+        let options = Options::resolve("tiny", &[("a test", layer(vec![("objective", named), (key, value)]))])?;
+        options.check_effect(&base)
+    }
+
+    #[test]
+    fn an_objective_refuses_every_option_that_only_others_read() {
+        for chosen in Objective::all() {
+            for definition in objective::REGISTRY {
+                for option in definition.options() {
+                    let is_read = chosen.reads().iter().any(|read| read.flag == option.flag);
+                    let answer = laid(chosen, &option.key(), other(option));
+                    assert_eq!(answer.is_ok(), is_read, "{chosen} and --{}: {answer:?}", option.flag);
+                }
+            }
+            let networks = chosen.networks(&Options::preset("tiny").unwrap(), 1);
+            assert_eq!(laid(chosen, "adversary_lr", Value::Float(0.125)).is_ok(), networks.adversary, "{chosen}");
+            assert!(laid(chosen, "hidden", Value::Integer(40)).is_ok());
+        }
+    }
+
+    #[test]
+    fn a_term_that_is_off_refuses_what_does_not_turn_it_on() {
+        for term in auxiliary::REGISTRY {
+            for option in term.options() {
+                let table: Table = [(option.key(), other(option))].into_iter().collect();
+                let on = Options::resolve("tiny", &[("a test", table)]).is_ok_and(|on| term.weight(&on) > 0.0);
+                let answer = laid(Objective::default(), &option.key(), other(option));
+                assert_eq!(answer.is_ok(), on, "--{}: {answer:?}", option.flag);
+            }
+        }
+    }
+}
