@@ -76,7 +76,8 @@ pub fn bench(options: &Options, sizes: Sizes, recording: Option<&Recording>, dev
         let batch = Batch::new(&windows, &learner.model.config, options.burn_in, &autodiff)?;
         batch_times.push(ms(begun));
         let begun = Instant::now();
-        let (next, measures) = learner.update(&batch, options.schedule(u64::MAX, Some(0)), options, &mut rng)?;
+        let (next, measures) =
+            learner.update(&batch, options.schedule(u64::MAX, Some(0)), options.parts(), &mut rng)?;
         learner = next;
         update_times.push(ms(begun));
         phases.push(measures.phases);

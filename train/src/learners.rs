@@ -13,3 +13,12 @@ pub mod rollout;
 pub mod sac;
 pub mod scene;
 pub mod world;
+
+use crate::settings::own::Declared;
+
+/// Every option that objectives and auxiliary terms declare for themselves.
+pub fn declared() -> impl Iterator<Item = Declared> {
+    let of_objectives = objective::REGISTRY.into_iter().flat_map(|definition| definition.options());
+    let of_terms = auxiliary::REGISTRY.into_iter().flat_map(|term| term.options());
+    of_objectives.chain(of_terms).copied()
+}

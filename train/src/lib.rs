@@ -37,6 +37,7 @@ pub mod prepare;
 pub mod replay;
 pub mod run;
 pub mod session;
+pub mod settings;
 pub mod summary;
 pub mod sweep;
 pub mod tensorboard;

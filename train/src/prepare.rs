@@ -6,8 +6,9 @@ use vibes_data::{RUN_FORMAT, Recording, Spec, relative_place};
 use vibes_model::{ModelConfig, ObservationKind};
 
 use crate::error::{Result, TrainError};
-use crate::options::{Observations, Options};
+use crate::options::Options;
 use crate::run::{Run, RunInfo, versions};
+use crate::settings::Observations;
 
 /// Opens or begins the run at `path` for these recordings and options; a new one goes on from the newest checkpoint of the run `from`, if one is named.
 ///

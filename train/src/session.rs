@@ -17,8 +17,9 @@ use crate::error::{Result, TrainError};
 use crate::learners::behaviour::Replayed;
 use crate::learners::world::Learner;
 use crate::metrics::{Averages, Row};
-use crate::options::{Options, Schedule};
+use crate::options::Options;
 use crate::run::{Run, State};
+use crate::settings::Schedule;
 use crate::summary::write_summary;
 use crate::tensorboard::EventFile;
 use crate::windows::{Purpose, update_rng};
@@ -79,7 +80,7 @@ impl<'a> Session<'a> {
         // Where Adam's moments are new, the step size rises anew, however far the other schedules have come.
         let warmed = self.options.schedule(scheduled.min(learner.optimizer.steps()), None).lr;
         let schedule = Schedule { lr: warmed, ..self.options.schedule(scheduled, self.state.gate.opened) };
-        let made = learner.update(&batch, schedule, self.options, &mut noise);
+        let made = learner.update(&batch, schedule, self.options.parts(), &mut noise);
         let (learner, mut measures) = made.map_err(|error| self.run.diverged(error, number))?;
         self.state.gate = self.state.gate.after(f64::from(measures.reward), measures.reward_baseline.map(f64::from));
         let rows = (windows.length * windows.batch) as u64;

@@ -74,7 +74,8 @@ pub fn bench_online(
     for _ in 0..=repeats {
         let begun = Instant::now();
         let batch = Batch::new(&windows, &learner.model.config, options.burn_in, &autodiff)?;
-        let (next, mut measures) = learner.update(&batch, options.schedule(u64::MAX, Some(0)), options, &mut rng)?;
+        let (next, mut measures) =
+            learner.update(&batch, options.schedule(u64::MAX, Some(0)), options.parts(), &mut rng)?;
         learner = next;
         worlds.push(ms(begun));
         phases.push(measures.phases);

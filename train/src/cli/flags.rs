@@ -5,10 +5,11 @@ use clap::builder::PossibleValuesParser;
 use clap::{Arg, ArgMatches, Args, FromArgMatches};
 use serde::Serialize;
 use toml::{Table, Value};
+use vibes_train::learners::declared;
 use vibes_train::learners::objective::Objective;
 use vibes_train::options::Options;
-use vibes_train::options::own::{Kind, declared};
 use vibes_train::options::presets::PRESETS;
+use vibes_train::settings::own::Kind;
 
 /// What to start from, and what lies over it.
 #[derive(Debug, Clone, Args)]

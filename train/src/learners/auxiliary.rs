@@ -12,8 +12,8 @@ use vibes_model::HeadConfig;
 
 use super::scene::Scene;
 use crate::error::Result;
-use crate::options::Options;
-use crate::options::own::Declared;
+use crate::settings::Settings;
+use crate::settings::own::Declared;
 
 pub mod inverse;
 pub mod latent_ahead;
@@ -31,15 +31,15 @@ pub trait Auxiliary: fmt::Debug + Sync {
     fn options(&self) -> &'static [Declared];
 
     /// Its weight in the objective; at 0 it is neither built nor computed.
-    fn weight(&self, options: &Options) -> f64;
+    fn weight(&self, options: &Settings) -> f64;
 
     /// The head it needs, if it needs one; `actions` is the number of values of an action.
-    fn head(&self, _options: &Options, _actions: usize) -> Option<HeadConfig> {
+    fn head(&self, _options: &Settings, _actions: usize) -> Option<HeadConfig> {
         None
     }
 
     /// Steps it looks ahead of a row without pictures.
-    fn steps_ahead(&self, _options: &Options) -> usize {
+    fn steps_ahead(&self, _options: &Settings) -> usize {
         0
     }
 
@@ -57,12 +57,12 @@ pub trait Auxiliary: fmt::Debug + Sync {
 }
 
 /// The terms that these options ask for.
-pub fn asked(options: &Options) -> impl Iterator<Item = &'static dyn Auxiliary> + '_ {
+pub fn asked(options: &Settings) -> impl Iterator<Item = &'static dyn Auxiliary> + '_ {
     REGISTRY.into_iter().filter(|term| term.weight(options) > 0.0)
 }
 
 /// How far ahead the terms asked for look without pictures.
-pub fn steps_ahead(options: &Options) -> usize {
+pub fn steps_ahead(options: &Settings) -> usize {
     asked(options).map(|term| term.steps_ahead(options)).max().unwrap_or(0)
 }
 

@@ -25,8 +25,8 @@ use vibes_model::{HeadConfig, World};
 use super::optimizer::Optimizer;
 use super::scene::Scene;
 use crate::error::{Result, TrainError};
-use crate::options::Options;
-use crate::options::own::Declared;
+use crate::settings::Settings;
+use crate::settings::own::Declared;
 
 pub mod action_baseline;
 pub mod contrastive;
@@ -76,10 +76,10 @@ pub trait Definition: fmt::Debug + Sync {
     }
 
     /// The networks it needs beside encoder, dynamics and reward; `actions` is the number of values of an action.
-    fn networks(&self, options: &Options, actions: usize) -> Networks;
+    fn networks(&self, options: &Settings, actions: usize) -> Networks;
 
     /// What must have been learned before the dynamics term's gradient reaches the encoder; without a condition it does from the first update on.
-    fn gate(&self, _options: &Options) -> Option<Condition> {
+    fn gate(&self, _options: &Settings) -> Option<Condition> {
         None
     }
 

@@ -12,7 +12,7 @@ use vibes_model::{ModelConfig, World};
 use super::rollout::{Rollout, roll};
 use crate::batch::Batch;
 use crate::error::Result;
-use crate::options::{Options, Schedule};
+use crate::settings::{Schedule, Settings};
 
 /// One update's latents and predictions.
 #[derive(Debug)]
@@ -22,7 +22,7 @@ pub struct Scene<'a> {
     /// Its sizes.
     pub config: &'a ModelConfig,
     /// The run's options.
-    pub options: &'a Options,
+    pub options: &'a Settings,
     /// The options that change with the updates.
     pub schedule: Schedule,
     /// The windows.
@@ -75,7 +75,7 @@ impl<'a> Scene<'a> {
     pub fn new(
         (world, config): (&'a World, &'a ModelConfig),
         batch: &'a Batch,
-        (options, schedule): (&'a Options, Schedule),
+        (options, schedule): (&'a Settings, Schedule),
         rng: &mut impl Rng,
         device: &Device,
     ) -> Result<Self> {

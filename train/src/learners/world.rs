@@ -18,10 +18,10 @@ use crate::error::Result;
 use crate::learners::auxiliary::{self, Auxiliary};
 use crate::learners::behaviour::Replayed;
 use crate::learners::number::{finite, scalar};
-use crate::learners::objective::{Rival, Value};
+use crate::learners::objective::{Objective, Rival, Value};
 use crate::learners::optimizer::{NamedGradients, Optimizer};
 use crate::learners::scene::Scene;
-use crate::options::{Options, Schedule};
+use crate::settings::{Schedule, Settings};
 
 /// A model in training.
 #[derive(Debug, Clone)]
@@ -91,8 +91,8 @@ impl Measures {
 
 impl Learner {
     /// A learner before its first update; `device` is one without autodiff.
-    pub fn new(model: Model, options: &Options, device: &Device) -> Self {
-        let optimizer = || Optimizer::new(options.adam_epsilon as f32);
+    pub fn new(model: Model, settings: &Settings, device: &Device) -> Self {
+        let optimizer = || Optimizer::new(settings.adam_epsilon as f32);
         let Model { config, world, adversary } = model;
         let model = Model { config, world: world.train(), adversary: adversary.map(Module::train) };
         Self { model, optimizer: optimizer(), adversary_optimizer: optimizer(), device: device.clone() }
@@ -106,16 +106,16 @@ impl Learner {
         mut self,
         batch: &Batch,
         schedule: Schedule,
-        options: &Options,
+        (objective, settings): (Objective, &Settings),
         rng: &mut impl Rng,
     ) -> Result<(Self, Measures)> {
         let mut watch = Stopwatch::start();
         let Model { config, world, adversary } = &mut self.model;
-        let scene = Scene::new((world, config), batch, (options, schedule), rng, &self.device)?;
+        let scene = Scene::new((world, config), batch, (settings, schedule), rng, &self.device)?;
         let mut phases = Phases { predict: watch.lap(), ..Phases::default() };
         let mut drawn = ChaCha8Rng::seed_from_u64(rng.random());
         let rival = Rival { adversary, optimizer: &mut self.adversary_optimizer };
-        let value = options.objective.value(&scene, rival, &mut drawn)?;
+        let value = objective.value(&scene, rival, &mut drawn)?;
         phases.objective = watch.lap();
         let value = with_auxiliaries(&scene, value, &mut drawn)?;
         phases.auxiliary = watch.lap();
@@ -129,7 +129,7 @@ impl Learner {
             phases,
             ..measure(&value)
         };
-        let learner = self.world_step(value, &mut measures, schedule.lr, options.gradient_clip as f32)?;
+        let learner = self.world_step(value, &mut measures, schedule.lr, settings.gradient_clip as f32)?;
         Ok((learner, measures))
     }
 

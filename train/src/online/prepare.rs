@@ -12,8 +12,9 @@ use vibes_model::ObservationKind;
 use super::options::{OnlineOptions, WorldOptions};
 use crate::error::{Result, TrainError};
 use crate::learners::behaviour::BehaviourOptions;
-use crate::options::{Observations, Options};
+use crate::options::Options;
 use crate::run::{Run, RunInfo, versions};
+use crate::settings::Observations;
 
 /// Standard deviation of an agent step's reward per control step, before any was seen: what a unit of reward is when `--reward-scale` is 0.
 const REWARD_STD: f64 = 0.3;

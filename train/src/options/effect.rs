@@ -47,7 +47,7 @@ mod tests {
 
     use super::*;
     use crate::learners::objective::Objective;
-    use crate::options::own::{Declared, Kind};
+    use crate::settings::own::{Declared, Kind};
 
     /// Another value than the option's default.
     fn other(option: &Declared) -> Value {

@@ -2,13 +2,14 @@
 
 use toml::Table;
 
-use super::own::Own;
-use super::{Observations, Options};
 use crate::error::{Result, TrainError};
+use crate::learners::declared;
 use crate::learners::objective::Objective;
+use crate::settings::own::Own;
+use crate::settings::{Observations, Settings};
 
-/// Makes a preset's options.
-pub type Preset = fn() -> Options;
+/// Makes a preset's settings.
+pub type Preset = fn() -> Settings;
 
 /// The presets, by name.
 pub const PRESETS: [(&str, Preset); 5] =
@@ -34,9 +35,8 @@ pub fn recipe(preset: &str, objective: Objective) -> Result<Table> {
 }
 
 /// For a CPU: what learned fastest per hour in the first trials.
-pub fn small() -> Options {
-    Options {
-        objective: Objective::default(),
+pub fn small() -> Settings {
+    Settings {
         observations: Observations::Auto,
         seed: 0,
         batch: 8,
@@ -68,13 +68,13 @@ pub fn small() -> Options {
         checkpoint_every: 500,
         log_every: 20,
         keep: 3,
-        own: Own::with(&[]),
+        own: Own::defaults(declared()),
     }
 }
 
 /// For tests: seconds, not minutes.
-fn tiny() -> Options {
-    Options {
+fn tiny() -> Settings {
+    Settings {
         batch: 4,
         length: 8,
         depth: 4,
@@ -94,8 +94,8 @@ fn tiny() -> Options {
 }
 
 /// The size of the networks most often used with such pictures; a machine with many cores or a GPU.
-fn base() -> Options {
-    Options {
+fn base() -> Settings {
+    Settings {
         batch: 16,
         length: 32,
         burn_in: 4,
@@ -110,8 +110,8 @@ fn base() -> Options {
 
 /// The objective with the weights it is written with, at Dreamer's sizes (which the paper replaces the model learning of). The paper gives no rates and no floors; the
 /// adversary's rate is above the model's as it asks, and the floors are low enough never to matter to a latent that carries noise of 0.1.
-fn paper() -> Options {
-    Options {
+fn paper() -> Settings {
+    Settings {
         batch: 50,
         length: 50,
         burn_in: 0,
@@ -136,6 +136,6 @@ fn paper() -> Options {
 }
 
 /// The same at sizes that a CPU trains in hours: windows as long as those, fewer of them, smaller networks.
-fn paper_small() -> Options {
-    Options { batch: 16, depth: 16, updates: 20_000, checkpoint_every: 500, ..paper() }
+fn paper_small() -> Settings {
+    Settings { batch: 16, depth: 16, updates: 20_000, checkpoint_every: 500, ..paper() }
 }

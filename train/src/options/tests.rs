@@ -37,25 +37,26 @@ fn impossible_values_are_refused() {
 
 #[test]
 fn warm_up_rises_to_the_weight() {
-    let options = Options { dynamics_warmup: 100, dynamics_weight: 0.5, ..small() };
+    let options = Settings { dynamics_warmup: 100, dynamics_weight: 0.5, ..small() };
     let found = [0, 10, 60, 110, 1000].map(|update| options.schedule(update, Some(10)).dynamics_weight);
     assert_eq!(found, [0.0, 0.0, 0.25, 0.5, 0.5]);
     assert_eq!(options.schedule(1000, None).dynamics_weight, 0.0);
-    let at_once = Options { dynamics_warmup: 0, dynamics_weight: 0.03, ..small() };
-    let warmed = Options { lr: 1.0, lr_warmup: 4, ..small() };
+    let at_once = Settings { dynamics_warmup: 0, dynamics_weight: 0.03, ..small() };
+    let warmed = Settings { lr: 1.0, lr_warmup: 4, ..small() };
     assert_eq!([0, 1, 3, 9].map(|update| warmed.schedule(update, None).lr), [0.25, 0.5, 1.0, 1.0]);
     assert_eq!(at_once.schedule(0, Some(0)).dynamics_weight, 0.03);
-    let falling = Options { lr: 1.0, adversary_lr: 2.0, lr_warmup: 0, lr_decay: 100, ..small() };
+    let falling = Settings { lr: 1.0, adversary_lr: 2.0, lr_warmup: 0, lr_decay: 100, ..small() };
     assert_eq!([0, 99, 399].map(|update| falling.schedule(update, None).lr), [1.0, 1.0, 0.5]);
     assert_eq!(falling.schedule(399, None).adversary_lr, 1.0);
 }
 
 #[test]
 fn only_options_that_change_the_numbers_are_compared() {
-    let longer = Options { updates: 5, ..small() };
-    assert_eq!(small().first_difference(&longer), None);
-    let other = Options { dynamics_weight: 1.0, ..small() };
-    assert_eq!(small().first_difference(&other).unwrap().0, "dynamics-weight");
+    let options = |settings| Options { objective: Objective::default(), settings };
+    let longer = options(Settings { updates: 5, ..small() });
+    assert_eq!(options(small()).first_difference(&longer), None);
+    let other = options(Settings { dynamics_weight: 1.0, ..small() });
+    assert_eq!(options(small()).first_difference(&other).unwrap().0, "dynamics-weight");
 }
 
 #[test]

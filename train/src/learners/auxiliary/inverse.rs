@@ -19,8 +19,8 @@ use super::Auxiliary;
 use crate::error::Result;
 use crate::learners::rollout::rows;
 use crate::learners::scene::Scene;
-use crate::options::Options;
-use crate::options::own::{Declared, Kind};
+use crate::settings::Settings;
+use crate::settings::own::{Declared, Kind};
 
 /// The term.
 #[derive(Debug)]
@@ -53,11 +53,11 @@ impl Auxiliary for Inverse {
         &[WEIGHT, STEPS]
     }
 
-    fn weight(&self, options: &Options) -> f64 {
+    fn weight(&self, options: &Settings) -> f64 {
         options.own.number(&WEIGHT)
     }
 
-    fn head(&self, options: &Options, actions: usize) -> Option<HeadConfig> {
+    fn head(&self, options: &Settings, actions: usize) -> Option<HeadConfig> {
         let input = options.hidden + 2 * options.latent + most_steps(options);
         Some(HeadConfig { name: HEAD.to_owned(), input, output: 2 * actions })
     }
@@ -81,6 +81,6 @@ impl Auxiliary for Inverse {
 }
 
 /// At least one step, at most as many as a window has room for.
-fn most_steps(options: &Options) -> usize {
+fn most_steps(options: &Settings) -> usize {
     (options.own.whole(&STEPS) as usize).clamp(1, options.length - 1)
 }

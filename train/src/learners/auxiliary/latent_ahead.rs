@@ -14,8 +14,8 @@ use super::{Auxiliary, steps_ahead};
 use crate::error::Result;
 use crate::learners::rollout::rows;
 use crate::learners::scene::Scene;
-use crate::options::Options;
-use crate::options::own::{Declared, Kind};
+use crate::settings::Settings;
+use crate::settings::own::{Declared, Kind};
 
 /// The term.
 #[derive(Debug)]
@@ -41,7 +41,7 @@ impl Auxiliary for LatentAhead {
         &[STEPS, WEIGHT]
     }
 
-    fn weight(&self, options: &Options) -> f64 {
+    fn weight(&self, options: &Settings) -> f64 {
         if options.own.whole(&STEPS) == 0 { 0.0 } else { options.own.number(&WEIGHT) }
     }
 
@@ -49,7 +49,7 @@ impl Auxiliary for LatentAhead {
         true
     }
 
-    fn steps_ahead(&self, options: &Options) -> usize {
+    fn steps_ahead(&self, options: &Settings) -> usize {
         options.own.whole(&STEPS) as usize
     }
 

@@ -10,6 +10,7 @@ use super::*;
 use crate::batch::Batch;
 use crate::bench::{Sizes, made_up_spec, made_up_windows};
 use crate::learners::world::Learner;
+use crate::options::Options;
 
 const SIZES: Sizes = Sizes { picture: 16, actions: 2, repeats: 1 };
 const TERMS: &str = "inverse_weight = 1.0\ninverse_steps = 3\nreward_steps = 3\nreward_steps_weight = 0.5\nlatent_steps = 2\nburn_in = 2\nlength = 6";
@@ -51,7 +52,7 @@ fn rewards_and_latents_ahead_are_those_of_single_steps() {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let schedule = options.schedule(0, Some(0));
     let Model { config, world, .. } = &learner.model;
-    let scene = Scene::new((world, config), &batch, (&options, schedule), &mut rng, &Device::flex()).unwrap();
+    let scene = Scene::new((world, config), &batch, (&options.settings, schedule), &mut rng, &Device::flex()).unwrap();
     let (mut reward, mut latents, mut starts) = (0.0, 0.0, 0);
     // The longest of the terms looks three steps ahead of six rows, and the first two rows only warm up.
     for (t, b) in (2..3).flat_map(|t| (0..options.batch).map(move |b| (t, b))) {
@@ -83,7 +84,7 @@ fn the_inverse_sees_where_it_stood_and_where_it_was_later() {
     let schedule = options.schedule(0, Some(0));
     let Model { config, world, .. } = &learner.model;
     let mut rng = ChaCha8Rng::seed_from_u64(7);
-    let scene = Scene::new((world, config), &batch, (&options, schedule), &mut rng, &Device::flex()).unwrap();
+    let scene = Scene::new((world, config), &batch, (&options.settings, schedule), &mut rng, &Device::flex()).unwrap();
     let steps = rand::Rng::random_range(&mut ChaCha8Rng::seed_from_u64(11), 1..=3_usize);
     let found = number(inverse::Inverse.value(&scene, &mut ChaCha8Rng::seed_from_u64(11)).unwrap());
     let (mut sum, mut count) = (0.0, 0);
@@ -111,7 +112,7 @@ fn a_term_that_is_not_asked_for_is_neither_built_nor_stated() {
     assert!(!model.config.heads.iter().any(|head| head.name == "inverse"));
     let schedule = options.schedule(0, Some(0));
     let learner = Learner::new(model, &options, &Device::flex());
-    let (_, measures) = learner.update(&batch, schedule, &options, &mut ChaCha8Rng::seed_from_u64(1)).unwrap();
+    let (_, measures) = learner.update(&batch, schedule, options.parts(), &mut ChaCha8Rng::seed_from_u64(1)).unwrap();
     for term in REGISTRY {
         assert!(!measures.stated.contains_key(term.metric()), "{}", term.metric());
     }
@@ -126,7 +127,8 @@ fn every_term_learns_one_batch_beside_every_objective_and_reaches_the_encoder() 
         let mut rng = ChaCha8Rng::seed_from_u64(6);
         let mut stated = Vec::new();
         for _ in 0..120 {
-            let (next, measures) = learner.update(&batch, options.schedule(0, Some(0)), &options, &mut rng).unwrap();
+            let (next, measures) =
+                learner.update(&batch, options.schedule(0, Some(0)), options.parts(), &mut rng).unwrap();
             learner = next;
             stated.push(measures.stated);
         }
@@ -142,7 +144,8 @@ fn every_term_learns_one_batch_beside_every_objective_and_reaches_the_encoder() 
     let encoder_after = |weight: &str| {
         let (model, batch, options) = made_up(&TERMS.replace("inverse_weight = 1.0", weight));
         let learner = Learner::new(model, &options, &Device::flex());
-        let made = learner.update(&batch, options.schedule(0, Some(0)), &options, &mut ChaCha8Rng::seed_from_u64(6));
+        let made =
+            learner.update(&batch, options.schedule(0, Some(0)), options.parts(), &mut ChaCha8Rng::seed_from_u64(6));
         read_parameters(&made.unwrap().0.model.world.encoder, "")
     };
     assert_ne!(encoder_after("inverse_weight = 1.0"), encoder_after("inverse_weight = 2.0"));

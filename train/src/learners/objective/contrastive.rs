@@ -18,7 +18,7 @@ use super::{Definition, Networks, Pictures, Rival, Value};
 use crate::error::Result;
 use crate::learners::losses::contrast;
 use crate::learners::scene::Scene;
-use crate::options::Options;
+use crate::settings::Settings;
 
 /// The objective.
 #[derive(Debug)]
@@ -36,7 +36,7 @@ impl Definition for Contrastive {
         "the next picture's features must be recognised among those of the whole batch, from what the dynamics remember; no reward (CoRe's contrastive term)"
     }
 
-    fn networks(&self, options: &Options, _actions: usize) -> Networks {
+    fn networks(&self, options: &Settings, _actions: usize) -> Networks {
         let head = HeadConfig { name: HEAD.to_owned(), input: options.hidden, output: options.hidden };
         let number = NumberConfig { name: TEMPERATURE.to_owned(), start: 1.0 };
         Networks { heads: vec![head], numbers: vec![number], ..Networks::default() }

@@ -18,8 +18,8 @@ use super::{Definition, Networks, Pictures, Rival, Value};
 use crate::error::Result;
 use crate::learners::losses::{dbc, transition};
 use crate::learners::scene::Scene;
-use crate::options::Options;
-use crate::options::own::{Declared, Kind};
+use crate::settings::Settings;
+use crate::settings::own::{Declared, Kind};
 
 /// The objective.
 #[derive(Debug)]
@@ -45,7 +45,7 @@ impl Definition for Dbc {
         &[DISCOUNT]
     }
 
-    fn networks(&self, options: &Options, actions: usize) -> Networks {
+    fn networks(&self, options: &Settings, actions: usize) -> Networks {
         Networks { heads: vec![Transition::head(options, actions)], latents: LatentForm::Raw, ..Networks::default() }
     }
 

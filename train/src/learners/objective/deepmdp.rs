@@ -17,7 +17,7 @@ use crate::error::Result;
 use crate::learners::losses::dbc::NextLatent;
 use crate::learners::losses::transition;
 use crate::learners::scene::Scene;
-use crate::options::Options;
+use crate::settings::Settings;
 
 /// The objective.
 #[derive(Debug)]
@@ -32,7 +32,7 @@ impl Definition for DeepMdp {
         "the next latent and the reward are predicted from one step's latent and action (DeepMDP)"
     }
 
-    fn networks(&self, options: &Options, actions: usize) -> Networks {
+    fn networks(&self, options: &Settings, actions: usize) -> Networks {
         Networks { heads: vec![Transition::head(options, actions)], ..Networks::default() }
     }
 
@@ -57,7 +57,7 @@ impl Transition {
     const STD: [f32; 2] = [1e-2, 10.0];
 
     /// Its head.
-    pub fn head(options: &Options, actions: usize) -> HeadConfig {
+    pub fn head(options: &Settings, actions: usize) -> HeadConfig {
         HeadConfig { name: Self::NAME.to_owned(), input: options.latent + actions, output: 2 * options.latent }
     }
 

@@ -16,8 +16,8 @@ use super::{Definition, Networks, Pictures, Rival, Value, Weights, no_adversary}
 use crate::error::Result;
 use crate::learners::losses::kl_constraint::{Beliefs, dual_loss};
 use crate::learners::scene::{Predictions, Scene};
-use crate::options::Options;
-use crate::options::own::{Declared, Kind};
+use crate::settings::Settings;
+use crate::settings::own::{Declared, Kind};
 
 /// The objective.
 #[derive(Debug)]
@@ -47,7 +47,7 @@ impl Definition for KlConstraint {
         &[TARGET]
     }
 
-    fn networks(&self, _options: &Options, _actions: usize) -> Networks {
+    fn networks(&self, _options: &Settings, _actions: usize) -> Networks {
         Networks { numbers: vec![NumberConfig { name: NUMBER.to_owned(), start: LOG_BETA }], ..Networks::default() }
     }
 

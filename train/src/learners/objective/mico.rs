@@ -16,8 +16,8 @@ use super::{Definition, Networks, Pictures, Rival, Value};
 use crate::error::Result;
 use crate::learners::losses::mico;
 use crate::learners::scene::Scene;
-use crate::options::Options;
-use crate::options::own::Declared;
+use crate::settings::Settings;
+use crate::settings::own::Declared;
 
 /// The objective.
 #[derive(Debug)]
@@ -36,7 +36,7 @@ impl Definition for Mico {
         &[DISCOUNT]
     }
 
-    fn networks(&self, _options: &Options, _actions: usize) -> Networks {
+    fn networks(&self, _options: &Settings, _actions: usize) -> Networks {
         Networks { latents: LatentForm::Raw, ..Networks::default() }
     }
 

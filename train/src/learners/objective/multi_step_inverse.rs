@@ -17,8 +17,8 @@ use super::{Definition, Networks, Pictures, Rival, Value};
 use crate::error::Result;
 use crate::learners::losses::inverse::{self, Pairs};
 use crate::learners::scene::Scene;
-use crate::options::Options;
-use crate::options::own::{Declared, Kind};
+use crate::settings::Settings;
+use crate::settings::own::{Declared, Kind};
 
 /// The objective.
 #[derive(Debug)]
@@ -46,7 +46,7 @@ impl Definition for MultiStepInverse {
         &[STEPS]
     }
 
-    fn networks(&self, options: &Options, actions: usize) -> Networks {
+    fn networks(&self, options: &Settings, actions: usize) -> Networks {
         let input = 2 * options.latent + most_steps(options);
         let head = HeadConfig { name: HEAD.to_owned(), input, output: actions };
         Networks { heads: vec![head], blind_to_actions: true, ..Networks::default() }
@@ -83,6 +83,6 @@ impl Definition for MultiStepInverse {
 }
 
 /// At least one step, at most as many as a window has room for.
-fn most_steps(options: &Options) -> usize {
+fn most_steps(options: &Settings) -> usize {
     (options.own.whole(&STEPS) as usize).clamp(1, options.length - 1)
 }

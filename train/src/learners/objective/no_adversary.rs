@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use super::{Definition, Networks, Pictures, Rival, Value, Weights};
 use crate::error::Result;
 use crate::learners::scene::{Predictions, Scene};
-use crate::options::Options;
+use crate::settings::Settings;
 
 /// The ablation without an adversary.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ impl Definition for NoAdversary {
         "the next latent and the reward are predicted, without an adversary: the paper's ablation \"No Adv.\""
     }
 
-    fn networks(&self, _options: &Options, _actions: usize) -> Networks {
+    fn networks(&self, _options: &Settings, _actions: usize) -> Networks {
         Networks::default()
     }
 

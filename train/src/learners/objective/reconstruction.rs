@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use super::{Definition, Networks, Pictures, Rival, Value, Weights, no_adversary};
 use crate::error::{Result, TrainError};
 use crate::learners::scene::{Predictions, Scene};
-use crate::options::Options;
+use crate::settings::Settings;
 
 /// The ablation that reconstructs observations.
 #[derive(Debug)]
@@ -27,7 +27,7 @@ impl Definition for Reconstruction {
         "the observation, the next latent and the reward are predicted: the paper's ablation \"Recon.\""
     }
 
-    fn networks(&self, _options: &Options, _actions: usize) -> Networks {
+    fn networks(&self, _options: &Settings, _actions: usize) -> Networks {
         Networks { decoder: true, ..Networks::default() }
     }
 

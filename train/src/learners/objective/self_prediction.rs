@@ -19,8 +19,8 @@ use crate::learners::auxiliary;
 use crate::learners::losses::self_prediction;
 use crate::learners::rollout::rows;
 use crate::learners::scene::Scene;
-use crate::options::Options;
-use crate::options::own::{Declared, Kind};
+use crate::settings::Settings;
+use crate::settings::own::{Declared, Kind};
 
 /// The objective.
 #[derive(Debug)]
@@ -50,7 +50,7 @@ impl Definition for SelfPrediction {
         &[STEPS]
     }
 
-    fn networks(&self, options: &Options, _actions: usize) -> Networks {
+    fn networks(&self, options: &Settings, _actions: usize) -> Networks {
         let head = HeadConfig { name: HEAD.to_owned(), input: options.latent, output: options.latent };
         Networks { heads: vec![head], blind_to_actions: true, ..Networks::default() }
     }
@@ -87,6 +87,6 @@ impl Definition for SelfPrediction {
 }
 
 /// At least one step, and few enough that a row which counts has as many after it in its window.
-fn most_steps(options: &Options) -> usize {
+fn most_steps(options: &Settings) -> usize {
     (options.own.whole(&STEPS) as usize).clamp(1, options.length - 1 - options.burn_in)
 }

@@ -8,6 +8,7 @@ use vibes_model::parameters::to_values;
 use super::vibes::{Clip, adversary_objective};
 use super::*;
 use crate::learners::scene::{Predictions, gated};
+use crate::options::Options;
 
 const TOLERANCE: f32 = 1e-5;
 
@@ -220,7 +221,7 @@ fn steps_that_only_warm_up_have_no_share_in_what_is_cut() {
 fn names_and_options_are_unique() {
     let mut names: Vec<&str> = REGISTRY.iter().map(|definition| definition.name()).collect();
     names.extend(crate::learners::auxiliary::REGISTRY.iter().map(|term| term.metric()));
-    names.extend(crate::options::own::declared().map(|option| option.flag));
+    names.extend(crate::learners::declared().map(|option| option.flag));
     let count = names.len();
     names.sort_unstable();
     names.dedup();

@@ -26,8 +26,8 @@ use crate::error::{Result, TrainError};
 use crate::learners::number::{finite, scalar};
 use crate::learners::optimizer::{NamedGradients, Optimizer};
 use crate::learners::scene::{Predictions, Scene};
-use crate::options::Options;
-use crate::options::own::{Declared, Kind};
+use crate::settings::Settings;
+use crate::settings::own::{Declared, Kind};
 
 /// The paper's objective.
 #[derive(Debug)]
@@ -53,7 +53,7 @@ pub enum Clip {
 
 impl Clip {
     /// The option's value.
-    pub fn of(options: &Options) -> Self {
+    pub fn of(options: &Settings) -> Self {
         match options.own.text(&CLIP) {
             "batch-time" => Self::BatchTime,
             "none" => Self::None,
@@ -75,13 +75,13 @@ impl Definition for Vibes {
         &[CLIP]
     }
 
-    fn networks(&self, options: &Options, actions: usize) -> Networks {
+    fn networks(&self, options: &Settings, actions: usize) -> Networks {
         let baseline = self.gate(options).filter(|condition| condition.gain > 0.0);
         let heads = baseline.map(|_| ActionBaseline::head(actions)).into_iter().collect();
         Networks { adversary: true, heads, ..Networks::default() }
     }
 
-    fn gate(&self, options: &Options) -> Option<Condition> {
+    fn gate(&self, options: &Settings) -> Option<Condition> {
         Some(Condition { start: options.dynamics_start, gain: options.dynamics_after })
     }
 

@@ -9,6 +9,7 @@ use vibes_model::parameters::read_parameters;
 use super::*;
 use crate::bench::{Sizes, made_up_spec, made_up_windows};
 use crate::learners::objective::Objective;
+use crate::options::Options;
 
 const SIZES: Sizes = Sizes { picture: 16, actions: 2, repeats: 1 };
 
@@ -33,7 +34,8 @@ fn one_batch_overfits() {
         let mut rewards = Vec::new();
         let mut first_and_last = Vec::new();
         for _ in 0..150 {
-            let (next, measures) = learner.update(&batch, options.schedule(0, Some(0)), &options, &mut rng).unwrap();
+            let (next, measures) =
+                learner.update(&batch, options.schedule(0, Some(0)), options.parts(), &mut rng).unwrap();
             learner = next;
             rewards.push(measures.reward);
             first_and_last.push((measures.objective, measures.stated));
@@ -54,7 +56,7 @@ fn the_adversary_learns_to_predict_latents_that_stay() {
     let mut rng = ChaCha8Rng::seed_from_u64(6);
     let mut likelihood = Vec::new();
     for _ in 0..100 {
-        let (next, measures) = learner.update(&batch, options.schedule(0, Some(0)), &options, &mut rng).unwrap();
+        let (next, measures) = learner.update(&batch, options.schedule(0, Some(0)), options.parts(), &mut rng).unwrap();
         learner = next;
         let (before, after) =
             (measures.stated["adversary_log_likelihood_before"], measures.stated["adversary_log_likelihood"]);
@@ -70,9 +72,11 @@ fn the_adversary_moves_the_encoder_through_the_latents() {
     // log-likelihood passes gradients to the latents. Reward and dynamics are the same in both.
     let encoder_after = |rate: f64| {
         let (learner, batch, options) = learner("vibes", "dynamics_weight = 1.0");
-        let options = Options { adversary_lr: rate, ..options };
-        let (learner, _) =
-            learner.update(&batch, options.schedule(0, Some(0)), &options, &mut ChaCha8Rng::seed_from_u64(6)).unwrap();
+        let settings = Settings { adversary_lr: rate, ..options.settings };
+        let options = Options { settings, ..options };
+        let (learner, _) = learner
+            .update(&batch, options.schedule(0, Some(0)), options.parts(), &mut ChaCha8Rng::seed_from_u64(6))
+            .unwrap();
         let adversary = learner.model.adversary.as_ref().unwrap();
         (read_parameters(&learner.model.world.encoder, ""), read_parameters(adversary, ""))
     };
@@ -101,8 +105,12 @@ fn warm_up_rows_carry_no_reward() {
     }
     let other = Batch::new(&other, config, options.burn_in, &device).unwrap();
     let objective = |batch: &Batch| {
-        let made =
-            learner.clone().update(batch, options.schedule(0, Some(0)), &options, &mut ChaCha8Rng::seed_from_u64(1));
+        let made = learner.clone().update(
+            batch,
+            options.schedule(0, Some(0)),
+            options.parts(),
+            &mut ChaCha8Rng::seed_from_u64(1),
+        );
         made.unwrap().1.objective
     };
     assert_eq!(objective(&batch), objective(&other));

@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 use toml::Value;
 
 use crate::error::{Result, TrainError};
-use crate::learners::{auxiliary, objective};
 
 /// One declared option.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,13 +46,6 @@ pub enum Kind {
 #[serde(transparent)]
 pub struct Own(BTreeMap<String, Value>);
 
-/// Everything that is declared.
-pub fn declared() -> impl Iterator<Item = Declared> {
-    let of_objectives = objective::REGISTRY.into_iter().flat_map(|definition| definition.options());
-    let of_terms = auxiliary::REGISTRY.into_iter().flat_map(|term| term.options());
-    of_objectives.chain(of_terms).copied()
-}
-
 impl Declared {
     /// Its name in files.
     pub fn key(&self) -> String {
@@ -87,19 +79,17 @@ impl Declared {
 }
 
 impl Own {
-    /// All defaults, with some values in their place.
-    pub fn with(values: &[(&Declared, Value)]) -> Self {
-        let mut own = Self(declared().map(|option| (option.key(), option.default())).collect());
-        own.0.extend(values.iter().map(|(option, value)| (option.key(), value.clone())));
-        own
+    /// The defaults of these options.
+    pub fn defaults(declared: impl Iterator<Item = Declared>) -> Self {
+        Self(declared.map(|option| (option.key(), option.default())).collect())
     }
 
-    /// Checks every value, and that each is declared.
+    /// Checks every value, and that each is of these options.
     ///
     /// # Errors
     /// A value that its option cannot have.
-    pub fn checked(self) -> Result<Self> {
-        let known: BTreeMap<String, Declared> = declared().map(|option| (option.key(), option)).collect();
+    pub fn checked(self, declared: impl Iterator<Item = Declared>) -> Result<Self> {
+        let known: BTreeMap<String, Declared> = declared.map(|option| (option.key(), option)).collect();
         let parse = |(key, value): (String, Value)| match known.get(&key) {
             Some(option) => Ok((key, option.parse(&value)?)),
             None => Err(TrainError::Options(format!("no option `{key}`"))),
