@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command, FromArgMatches};
 
-/// The options that were given. Flattened into a verb's arguments, it adds none of its own.
+/// The options that were given. Flattened into a verb's arguments, it adds none of its own. It stands first among them: clap takes the values of a field out of
+/// what it has parsed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Given(BTreeSet<String>);
 
@@ -62,9 +63,9 @@ mod tests {
     #[derive(Debug, Parser)]
     struct Program {
         #[command(flatten)]
-        group: Group,
-        #[command(flatten)]
         given: Given,
+        #[command(flatten)]
+        group: Group,
     }
 
     #[test]

@@ -184,6 +184,9 @@ fn no_option_is_every_verbs_but_the_shared_ones() {
 fn an_option_that_has_no_effect_is_an_error() {
     let folder = folder();
     let folder = folder.path();
+    std::fs::create_dir(folder.join("sample")).unwrap();
+    let latents = Path::new(env!("CARGO_MANIFEST_DIR")).join("../data/sample/latents.arrow");
+    std::fs::copy(latents, folder.join("sample/latents.arrow")).unwrap();
     for (line, option) in [
         ("vibes-collect --episodes 1 --distract none --video-count 3 -o made", "--video-count"),
         ("vibes-collect --episodes 1 --distract background --camera-seed 3 -o made", "--camera-seed"),
@@ -199,6 +202,8 @@ fn an_option_that_has_no_effect_is_an_error() {
         ("vibes-train info run --device flex", "--device"),
         ("vibes-train bench --system sac-drq --recipe", "--recipe"),
         ("vibes-analyze curves run --seed 3", "--seed"),
+        ("vibes-analyze umap sample --no-frames --method pca --epochs 3", "--epochs"),
+        ("vibes-analyze umap sample --no-frames --perplexity 12", "--perplexity"),
     ] {
         let said = said(folder, line, 2);
         assert!(said.contains(option), "{line}\n{said}");

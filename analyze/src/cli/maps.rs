@@ -14,6 +14,7 @@ use super::session::Session;
 use super::{Globals, say, wrong};
 use crate::output::MapTable;
 use onto::OldMap;
+use vibes_command::Given;
 use vibes_measure::neighbours::{Metric, Space};
 use vibes_measure::quality::{QualityOptions, quality};
 use vibes_measure::tsne::TsneOptions;
@@ -22,6 +23,8 @@ use vibes_measure::umap::UmapOptions;
 /// How the map is made.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct MapOptions {
+    #[command(flatten)]
+    given: Given,
     /// How the map is made.
     #[arg(long, value_enum, default_value_t = Method::Umap)]
     pub(super) method: Method,
@@ -132,11 +135,25 @@ impl Default for MapOptions {
             fit_rows: FIT_ROWS,
             onto: None,
             onto_latents: None,
+            given: Given::default(),
         }
     }
 }
 
 impl MapOptions {
+    /// That no option was given that this method does not look at.
+    fn check_given(&self) -> anyhow::Result<()> {
+        let others: &[&str] = match self.method {
+            Method::Umap => &["perplexity"],
+            Method::Tsne => &["neighbours", "min_dist", "spread", "epochs"],
+            Method::Pca => &["neighbours", "min_dist", "spread", "epochs", "perplexity", "fit_rows"],
+        };
+        match self.given.first_of(others.iter().copied()) {
+            Some(option) => Err(wrong(format!("{option} has no effect on a {} map; leave it out", self.method.name()))),
+            None => Ok(()),
+        }
+    }
+
     /// The options as they go into outputs.
     pub(super) fn json(&self) -> Value {
         json!({
@@ -149,6 +166,7 @@ impl MapOptions {
     /// The map of the session's latents: that of `map.arrow` in the output folder if it was made of the same latents with the same options,
     /// else a new one, which is written there.
     pub(super) fn map(&self, session: &mut Session, globals: &Globals) -> anyhow::Result<MadeMap> {
+        self.check_given()?;
         let path = session.out.join("map.arrow");
         let old = self.onto.as_deref().map(|map| OldMap::open(map, self.onto_latents.as_deref())).transpose()?;
         if old.as_ref().is_some_and(|old| same_file(&old.path, &path)) {

@@ -28,6 +28,8 @@ const DEFAULT_EPISODES: u32 = 10;
 
 #[derive(Debug, Args)]
 pub(super) struct RecordArgs {
+    #[command(flatten)]
+    given: Given,
     #[arg(long, help = format!("Task: {} [default: that of a trained run, or reacher-easy]", vibes_env::task_help()))]
     task: Option<String>,
     /// State trajectories × distractor trajectories, as in 10x10.
@@ -98,8 +100,6 @@ pub(super) struct RecordArgs {
     /// Options from a TOML file; its keys are the long options, and what is typed overrides it.
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
-    #[command(flatten)]
-    given: Given,
 }
 
 /// `10x10`, with x, X or ×.

@@ -18,6 +18,8 @@ use vibes_env::videos::{VideoSet, VideoSource};
 
 #[derive(Debug, Args)]
 pub(super) struct RenderArgs {
+    #[command(flatten)]
+    given: Given,
     /// The recording's folder.
     recording: PathBuf,
     /// The new recording's folder.
@@ -64,8 +66,6 @@ pub(super) struct RenderArgs {
     /// Worker threads, each with a render context; at most one per core, the default.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: Option<u16>,
-    #[command(flatten)]
-    given: Given,
 }
 
 fn parse_degrees(text: &str) -> Result<f64, String> {

@@ -31,7 +31,7 @@ struct OptionFlags {
     /// auto (pixels where there are any), pixels or vectors.
     #[arg(long)]
     observations: Option<String>,
-    /// Of the first weights, the windows and the noise.
+    /// Seed of the first weights, the windows and the noise.
     #[arg(long)]
     seed: Option<u64>,
     /// Updates to make in all.
@@ -52,7 +52,7 @@ struct OptionFlags {
     /// Step size of the world model.
     #[arg(long)]
     lr: Option<f64>,
-    /// Updates over which it rises from 0.
+    /// Updates over which the world model's step size rises from 0.
     #[arg(long)]
     lr_warmup: Option<u64>,
     /// Updates after which both step sizes fall as 1/√updates; 0 for never.
@@ -70,13 +70,13 @@ struct OptionFlags {
     /// Share of the dynamics term's gradient that reaches the encoder (1 as the paper writes it).
     #[arg(long)]
     dynamics_weight: Option<f64>,
-    /// Updates before which nothing of it does, for an objective that waits.
+    /// Updates before which none of that gradient reaches the encoder (only `vibes` waits).
     #[arg(long)]
     dynamics_start: Option<u64>,
-    /// Nats by which the reward must be predicted better than by past actions alone before anything does.
+    /// Nats by which the reward must be predicted better than from past actions alone before any of that gradient reaches the encoder (only `vibes` waits).
     #[arg(long)]
     dynamics_after: Option<f64>,
-    /// Updates after that over which the weight rises from 0.
+    /// Updates, after that, over which its share rises from 0 to --dynamics-weight.
     #[arg(long)]
     dynamics_warmup: Option<u64>,
     /// Weight of the reward term.
@@ -106,7 +106,7 @@ struct OptionFlags {
     /// Least standard deviation of a predicted reward, in units of --reward-scale.
     #[arg(long)]
     reward_floor: Option<f64>,
-    /// Unit of the reward model; 0 for the standard deviation of the recordings' rewards.
+    /// Unit in which the reward model predicts; 0 for the standard deviation of the recordings' rewards.
     #[arg(long)]
     reward_scale: Option<f64>,
     /// Added to the first bias of the recurrent networks' update gates.
@@ -115,7 +115,7 @@ struct OptionFlags {
     /// Updates between checkpoints.
     #[arg(long)]
     checkpoint_every: Option<u64>,
-    /// Updates a line of metrics covers.
+    /// Updates that one line of metrics is the mean of.
     #[arg(long)]
     log_every: Option<u64>,
     /// Checkpoints to keep.

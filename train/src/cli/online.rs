@@ -39,6 +39,8 @@ struct From {
 #[derive(Debug, Args)]
 pub(crate) struct OnlineArgs {
     #[command(flatten)]
+    given: Given,
+    #[command(flatten)]
     from: From,
     /// The run folder [default: RUN-online, or runs/TASK-online-OBJECTIVE].
     #[arg(short, long, value_name = "RUN")]
@@ -58,8 +60,6 @@ pub(crate) struct OnlineArgs {
     options: OptionArgs,
     #[command(flatten)]
     device: DeviceArgs,
-    #[command(flatten)]
-    given: Given,
 }
 
 /// How much is lived through and learned.
@@ -69,7 +69,7 @@ struct WorkArgs {
     /// Control steps to live through in all, action repeats counted [default: 500000].
     #[arg(long, value_name = "N")]
     control_steps: Option<u64>,
-    /// Rows replayed through the world model's update for every agent step: the one number that sets the work [default: 128].
+    /// Replayed rows that the world model learns from for every agent step: the one number that sets how much is computed [default: 128].
     #[arg(long, value_name = "X")]
     rows_per_step: Option<f64>,
     /// Random episodes at the beginning [default: 5, or 0 with recordings].
@@ -84,10 +84,10 @@ struct WorkArgs {
     /// Updates at the beginning in which the critic learns and the actor does not move [default: 0, or 500 with recordings].
     #[arg(long, value_name = "N")]
     critic_first: Option<u64>,
-    /// Imagined steps of the first updates [default: as all].
+    /// Imagined steps of the first updates [default: --horizon].
     #[arg(long, value_name = "N", requires = "short_for")]
     short_horizon: Option<usize>,
-    /// Updates with that horizon.
+    /// Updates that imagine --short-horizon steps.
     #[arg(long, value_name = "N", requires = "short_horizon")]
     short_for: Option<u64>,
     /// Standard deviation of noise on executed actions, in units of −1..1 [default: 0.3].
@@ -114,10 +114,10 @@ struct WorldArgs {
     /// Which distractors: background, camera, color, or all, or none [default: all].
     #[arg(long, value_name = "LIST")]
     distract: Option<Axes>,
-    /// How far they go: easy, medium or hard [default: easy].
+    /// How far the distractors go: easy, medium or hard [default: easy].
     #[arg(long)]
     difficulty: Option<Difficulty>,
-    /// They keep what they are at the start of the episode.
+    /// Distractors keep what they are at the start of the episode.
     #[arg(long = "static")]
     r#static: bool,
     /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS [default: the built-in procedural videos].
@@ -147,7 +147,7 @@ struct WorldArgs {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Actor and critic")]
 struct BehaviourArgs {
-    /// What the following begin as: gaussian (tanh-normal actor, squared error), dreamer-v3 (bounded normal, two-hot critic) or mixed (bounded normal, squared
+    /// Values that the options below begin with: gaussian (tanh-normal actor, squared error), dreamer-v3 (bounded normal, two-hot critic) or mixed (bounded normal, squared
     /// error) [default: mixed].
     #[arg(long)]
     recipe: Option<String>,
@@ -172,7 +172,7 @@ struct BehaviourArgs {
     /// Step size of the critic.
     #[arg(long, value_name = "X")]
     critic_lr: Option<f64>,
-    /// Imagination starts from every so-manieth row.
+    /// Imagination starts from every Nth row of a window.
     #[arg(long, value_name = "N")]
     every_start: Option<usize>,
 }

@@ -27,7 +27,7 @@ pub struct KlConstraint;
 pub const TARGET: Declared = Declared {
     flag: "kl-target",
     kind: Kind::Number { default: 3.0 },
-    help: "Nats a row that a latent may say beyond its prediction (kl-constraint; RePo's 3)",
+    help: "Divergence of a latent from its prediction that is aimed at, in nats a row (kl-constraint; RePo has 3)",
 };
 
 /// First value of the dual variable, as its logarithm: `RePo`'s 1e-5.
