@@ -18,7 +18,7 @@ import yaml
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"
 SAMPLE = ROOT / "data" / "sample"
-RUNS, UPDATES = 4, 120
+RUNS, UPDATES = 4, 60
 TINY = "--preset tiny --batch 2 --length 6 --depth 4 --hidden 16 --head 16 --latent 4"
 PLAN = f"""
 output = "runs/sweep"

@@ -57,3 +57,40 @@ fn the_plan_of_a_sweep_lists_its_runs() {
     let listed: serde_json::Value = serde_json::from_str(&listed).unwrap();
     assert_eq!(listed.as_array().map(Vec::len), Some(6), "{listed}");
 }
+
+/// The whole chain of stages, with fewer and smaller of everything: recordings, a run offline and online, both evaluations.
+#[test]
+fn the_plan_of_a_sweep_runs_scaled_down() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut plan = std::fs::read_to_string(example("table1-small.toml")).unwrap();
+    let tiny = "--steps 20 --size 32 --no-mcap";
+    for (whole, scaled) in [
+        ("--episodes 60", format!("--episodes 2 {tiny}")),
+        ("--grid 8x8", format!("--grid 3x3 {tiny}")),
+        ("--updates 5000", "--updates 3 --preset tiny --batch 2 --length 6".to_owned()),
+        ("evaluate {run}/run {run}/grid", "evaluate {run}/run {run}/grid --gap-updates 2".to_owned()),
+        (
+            "--control-steps 100000",
+            "--control-steps 1040 --rows-per-step 1 --first-updates 2 --evaluation-episodes 1 --final-episodes 1"
+                .to_owned(),
+        ),
+        ("--episodes 100", "--episodes 2".to_owned()),
+    ] {
+        assert!(plan.contains(whole), "{whole} is not in the plan any more");
+        plan = plan.replace(whole, &scaled);
+    }
+    std::fs::write(folder.path().join("plan.toml"), plan).unwrap();
+    let sweep = |more: &[&str]| said(folder.path(), "vibes-train", &[&["sweep", "plan.toml"], more].concat());
+    sweep(&["--index", "4", "--quiet"]);
+    let status: serde_json::Value = serde_json::from_str(&sweep(&["--status", "--json"])).unwrap();
+    assert_eq!((&status[4]["state"], &status[4]["stages"]), (&"done".into(), &serde_json::json!([6, 6])), "{status}");
+    assert!(status[4]["update"].as_u64().is_some_and(|update| update > 0), "{status}");
+    let run = folder.path().join("runs/table1-small/objective=reconstruction,seed=0");
+    let acted = vibes_data::Recording::open(&run.join("final")).unwrap();
+    assert_eq!(acted.episodes().len(), 2);
+    assert!(acted.manifest().options["policy"].as_str().is_some_and(|policy| policy.contains("online")));
+    for folder in ["run", "online"] {
+        let table = said(&run, "vibes-analyze", &["table", folder, "-o", "tables"]);
+        assert!(table.starts_with("table: "), "{table}");
+    }
+}

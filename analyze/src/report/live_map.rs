@@ -80,6 +80,13 @@ impl LiveMap {
         );
     }
 
+    /// About the bytes that the map's numbers take on the page.
+    pub(super) fn number_bytes(&self) -> usize {
+        let of_rows = self.positions.len() * (4 + self.columns.len());
+        let of_chosen = self.alive.len() * (1 + 2 * self.k) + self.framed.len();
+        (of_rows + of_chosen) * size_of::<f32>() * 4 / 3
+    }
+
     /// The map's data, for the end of the page; frames take at most `most_bytes` before they are written as text, a third more as text.
     ///
     /// Beyond it they are packed tighter, then drawn smaller.

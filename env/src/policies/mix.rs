@@ -55,13 +55,24 @@ impl FromStr for PolicyMix {
                 .to_owned(),
         };
         let mut parts = Vec::new();
-        for part in text.split(',') {
-            let (policy, weight) = part.rsplit_once(':').ok_or_else(|| refused(format!("{part} has no weight")))?;
-            let weight: f64 = weight.parse().map_err(|_error| refused(format!("{weight} is not a weight")))?;
-            if !(weight.is_finite() && weight > 0.0) {
-                return Err(refused(format!("the weight {weight} is not above 0")));
+        // The path of a trained run may hold commas, as in runs/objective=vibes,seed=0: a part ends where its weight does.
+        let mut begun: Option<String> = None;
+        for piece in text.split(',') {
+            let part = begun.take().map_or_else(|| piece.to_owned(), |begun| begun + "," + piece);
+            match part.rsplit_once(':').map(|(policy, weight)| (policy, weight.parse::<f64>())) {
+                Some((policy, Ok(weight))) if weight.is_finite() && weight > 0.0 => {
+                    parts.push((policy.parse()?, weight));
+                }
+                Some((_, Ok(weight))) => return Err(refused(format!("the weight {weight} is not above 0"))),
+                _ => begun = Some(part),
             }
-            parts.push((policy.parse()?, weight));
+        }
+        if let Some(part) = begun {
+            let fact = match part.rsplit_once(':') {
+                Some((_, weight)) => format!("{weight} is not a weight"),
+                None => format!("{part} has no weight"),
+            };
+            return Err(refused(fact));
         }
         let sum: f64 = parts.iter().map(|(_, weight)| weight).sum();
         Ok(Self(parts.into_iter().map(|(policy, weight)| (policy, weight / sum)).collect()))
@@ -95,6 +106,17 @@ mod tests {
     fn weights_need_not_sum_to_one() {
         let mix: PolicyMix = "random:1,planner:3".parse().unwrap();
         assert_eq!(mix.to_string(), "random:0.25,planner:0.75");
+    }
+
+    #[test]
+    fn a_path_with_commas_is_one_policy() {
+        let run = "runs/objective=vibes,seed=0/online";
+        let mix: PolicyMix = format!("{run}:1").parse().unwrap();
+        assert_eq!(mix.shares().len(), 1);
+        let both: PolicyMix = format!("random:1,{run}:3,planner:noise=0.3:4").parse().unwrap();
+        let names: Vec<String> = both.shares().iter().map(|(policy, _)| policy.to_string()).collect();
+        assert_eq!(names, ["random", run, "planner:noise=0.3"]);
+        assert_eq!(both.to_string().parse::<PolicyMix>().unwrap(), both);
     }
 
     #[test]

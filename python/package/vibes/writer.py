@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from . import _vibes
 from .recordings import Recording
@@ -113,8 +113,8 @@ class Writer:
                 rows = [row for row in range(self._grid[0]) if self._missing(row)]
                 return [self._record_row(env, policy, row) for row in rows[:episodes]]
             self._keep(env)
-            play = lambda number: played(env, policy, {"episode": number})[0]
-            return [play(self.next_episode()) for _ in range(1 if episodes is None else episodes)]
+            count = range(1 if episodes is None else episodes)
+            return [played(env, policy, {"episode": self.next_episode()})[0] for _ in count]
         finally:
             self._world.keep(self)
 
@@ -205,10 +205,11 @@ class Writer:
         self.close()
 
 
-def played(env: Any, policy: Callable[[Any], ArrayLike], options: dict[str, int]) -> tuple[float, list[ArrayLike]]:
+def played(env: Any, policy: Callable[[Any], ArrayLike], options: dict[str, int]) -> tuple[float, list[NDArray[np.float32]]]:
     """Plays the episode that the options of a reset name to its end: its return and its actions."""
     observation, _ = env.reset(options=options)
-    total, is_over, actions = 0.0, False, []
+    total, is_over = 0.0, False
+    actions: list[NDArray[np.float32]] = []
     while not is_over:
         actions.append(np.asarray(policy(observation), np.float32))
         observation, reward, terminated, truncated, _ = env.step(actions[-1])

@@ -1,5 +1,6 @@
 //! How far every run of a sweep is, from its files alone, so that it can be asked from anywhere.
 
+use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use serde::Serialize;
@@ -65,7 +66,7 @@ pub fn status(element: &Element) -> Result<Status> {
         Some(mark) if mark.error.is_some() => State::Failed,
         Some(_) => State::Saved,
     };
-    let run = RunFolder::at(&element.folder);
+    let run = at_work(&element.folder);
     let metrics = Metrics::read(&run.metrics_path())?;
     let updates = run.open_info().ok().and_then(|info| info.options.get("updates")?.as_u64());
     let update = metrics.last("update").map(|update| update as u64);
@@ -86,4 +87,15 @@ pub fn status(element: &Element) -> Result<Status> {
         seconds_since: since,
         note: owner.or_else(|| mark.and_then(|mark| mark.error)),
     })
+}
+
+/// The training run of an element whose metrics grew last: the element's own folder, or one in it, as in a plan that trains offline and then online.
+fn at_work(folder: &Path) -> RunFolder {
+    let inside = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let grown = |path: PathBuf| {
+        let grown = std::fs::metadata(RunFolder::at(&path).metrics_path()).and_then(|file| file.modified()).ok()?;
+        Some((grown, path))
+    };
+    let newest = inside.chain([folder.to_owned()]).filter_map(grown).max();
+    RunFolder::at(&newest.map_or_else(|| folder.to_owned(), |(_, path)| path))
 }
