@@ -6,9 +6,12 @@
 pub mod auxiliary;
 pub mod behaviour;
 pub mod losses;
+pub mod model_free;
+pub mod moments;
 pub mod number;
 pub mod objective;
 pub mod optimizer;
+pub mod recurrent;
 pub mod rollout;
 pub mod sac;
 pub mod scene;

@@ -68,7 +68,7 @@ fn of_model_free(context: &Context, folder: &Folder) -> Result<()> {
     println!("{}", folder.path().display());
     println!("  system       {}, {}", options.system, options.size);
     println!("  world        {}, distractors {}, seed {}", world.task, world.distractors.axes, options.seed);
-    println!("  latents      {}", options.latents()?);
+    println!("  latents      {}", options.agent.latents());
     println!("  checkpoints  {}", checkpoints.iter().map(u64::to_string).collect::<Vec<_>>().join(", "));
     let number = |name: &str| metrics.last(name).unwrap_or(0.0);
     println!(

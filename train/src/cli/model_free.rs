@@ -8,6 +8,8 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use vibes_command::{Ending, stop_on_signals};
 use vibes_train::fit::{End, Go};
+use vibes_train::learners::model_free::AgentOptions;
+use vibes_train::learners::recurrent::options::RecurrentOptions;
 use vibes_train::learners::sac::augment::Augment;
 use vibes_train::learners::sac::options::{Auxiliary, SacOptions, Size};
 use vibes_train::online::model_free::folder::{FORMAT, Folder, ModelFreeOptions};
@@ -38,10 +40,10 @@ pub(crate) struct ModelFreeArgs {
     /// The agent: dreamer, sac or qt-opt.
     #[arg(long, value_enum, default_value_t = AgentKind::Dreamer)]
     agent: AgentKind,
-    /// The system to begin as: sac-rad, sac-drq, curl, deepmdp, dbc, mico, simsr, or qt-opt-rad, qt-opt-drq [default: sac-drq, qt-opt-drq].
+    /// The system to begin as: sac-rad, sac-drq, curl, deepmdp, dbc, mico, simsr, rsac, core, or qt-opt-rad, qt-opt-drq [default: sac-drq, qt-opt-drq].
     #[arg(long, value_name = "NAME")]
     system: Option<String>,
-    /// Its size: small (64 pixels, batches of 128, one view) or paper (84 pixels, batches of 512) [default: small].
+    /// Its size: small (64 pixels, batches of 128, one view) or paper (84 pixels, batches of 512, or 32 windows of 32) [default: small].
     #[arg(long, value_parser = parse_size, value_name = "small|paper")]
     system_size: Option<Size>,
     /// How pictures are varied: none, crop or shift.
@@ -56,12 +58,15 @@ pub(crate) struct ModelFreeArgs {
     /// What stands beside the critics' loss: none, curl, deepmdp, dbc, mico or simsr.
     #[arg(long)]
     auxiliary: Option<Auxiliary>,
-    /// Transitions a batch.
+    /// Transitions a batch; of rsac and core, rows in all windows together.
     #[arg(long, value_name = "N")]
     transitions: Option<usize>,
-    /// Updates for every agent step [default: 0.5 small, 1 paper].
+    /// Updates for every agent step [default: 0.5; 1 for paper systems that look at stacks].
     #[arg(long, value_name = "X")]
     updates_per_step: Option<f64>,
+    /// Episodes between checkpoints [default: 10].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    save_every: Option<u32>,
 }
 
 fn parse_size(text: &str) -> std::result::Result<Size, String> {
@@ -72,6 +77,10 @@ fn parse_size(text: &str) -> std::result::Result<Size, String> {
     }
 }
 
+fn wrong(text: String) -> anyhow::Error {
+    vibes_train::TrainError::Options(text).into()
+}
+
 impl ModelFreeArgs {
     /// Whether such an agent is asked for.
     pub(crate) fn is_asked(&self) -> bool {
@@ -80,7 +89,10 @@ impl ModelFreeArgs {
 
     /// The size of the pictures, if the system's size says one.
     pub(crate) fn picture_size(&self) -> Result<Option<u32>> {
-        let crop = self.options()?.augment == Augment::Crop;
+        let crop = match self.options()? {
+            AgentOptions::Stacks(options) => options.augment,
+            AgentOptions::Recurrent(options) => options.augment,
+        } == Augment::Crop;
         Ok(match self.system_size {
             // A crop keeps 84 of 100 pixels, so that 84 are seen.
             Some(Size::Paper) if crop => Some(100),
@@ -98,39 +110,52 @@ impl ModelFreeArgs {
         self.system_size.unwrap_or(Size::Small)
     }
 
-    fn options(&self) -> Result<SacOptions> {
-        let system = SacOptions::system(&self.system(), self.size())?;
+    fn options(&self) -> Result<AgentOptions> {
+        let system = AgentOptions::system(&self.system(), self.size())?;
         let wanted = self.agent == AgentKind::Sac;
-        if system.actor != wanted {
-            let kind = if system.actor { "sac" } else { "qt-opt" };
-            anyhow::bail!(vibes_train::TrainError::Options(format!(
-                "the system {} is of --agent {kind}; leave out one of the two",
-                self.system()
-            )));
+        if system.has_actor() != wanted {
+            let kind = if system.has_actor() { "sac" } else { "qt-opt" };
+            return Err(wrong(format!("the system {} is of --agent {kind}; leave out one of the two", self.system())));
         }
-        Ok(SacOptions {
-            augment: self.augment.unwrap_or(system.augment),
-            next_views: self.next_views.unwrap_or(system.next_views),
-            views: self.views.unwrap_or(system.views),
-            auxiliary: self.auxiliary.unwrap_or(system.auxiliary),
-            batch: self.transitions.unwrap_or(system.batch),
-            ..system
+        Ok(match system {
+            AgentOptions::Stacks(system) => AgentOptions::Stacks(SacOptions {
+                augment: self.augment.unwrap_or(system.augment),
+                next_views: self.next_views.unwrap_or(system.next_views),
+                views: self.views.unwrap_or(system.views),
+                auxiliary: self.auxiliary.unwrap_or(system.auxiliary),
+                batch: self.transitions.unwrap_or(system.batch),
+                ..system
+            }),
+            AgentOptions::Recurrent(system) => {
+                let is_of_stacks = self.next_views.or(self.views).is_some() || self.auxiliary.is_some();
+                if is_of_stacks {
+                    let text = "--views, --next-views and --auxiliary are of systems that look at stacks";
+                    return Err(wrong(format!("{text}; {} learns from windows", self.system())));
+                }
+                let windows = self.transitions.map(|rows| rows.div_ceil(system.length));
+                AgentOptions::Recurrent(RecurrentOptions {
+                    augment: self.augment.unwrap_or(system.augment),
+                    windows: windows.unwrap_or(system.windows),
+                    ..system
+                })
+            }
         })
     }
 
     /// The run to begin, or to go on with, in this world.
     pub(crate) fn prepare(&self, output: Option<&Path>, seed: u64, online: OnlineOptions) -> Result<Folder> {
+        let agent = self.options()?;
         let options = ModelFreeOptions {
             format: FORMAT.to_owned(),
             system: self.system(),
             size: self.size(),
             seed,
-            agent: self.options()?,
-            updates_per_step: self.updates_per_step.unwrap_or(match self.size() {
-                Size::Small => 0.5,
-                Size::Paper => 1.0,
+            agent: agent.clone(),
+            updates_per_step: self.updates_per_step.unwrap_or(match (self.size(), &agent) {
+                (Size::Small, _) | (_, AgentOptions::Recurrent(_)) => 0.5,
+                (Size::Paper, AgentOptions::Stacks(_)) => 1.0,
             }),
-            save_every: 10,
+            save_every: self.save_every.unwrap_or(10),
             online,
         };
         let folder = format!("runs/{}-{}", options.online.world.task, options.system);

@@ -20,15 +20,14 @@ use serde::{Deserialize, Serialize};
 use vibes_data::MetricsFile;
 use vibes_env::videos::VideoSet;
 use vibes_model::agent::Choice;
-use vibes_model::sac::{SacAgent, SacNetworks};
-use vibes_model::trained::{ModelFreeAgent, TrainedAgent};
+use vibes_model::trained::TrainedAgent;
 
 use super::actor::{ActorThread, EpisodeKind, Task, episode_seed};
 use super::evaluate::{self, Evaluation};
 use crate::error::Result;
 use crate::fit::{End, Go};
-use crate::learners::sac::transitions::{Transitions, window_length};
-use crate::learners::sac::update::{SacLearner, SacMeasures};
+use crate::learners::model_free::ModelFreeLearner;
+use crate::learners::sac::update::SacMeasures;
 use crate::replay::{Replay, ReplayOptions};
 use crate::windows::{Prefetch, Purpose, update_rng};
 
@@ -110,7 +109,7 @@ pub struct Line {
 /// See [`TrainError`](crate::TrainError); everything up to the last checkpoint is kept.
 pub fn model_free(folder: &Folder, device: &Device, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
     let options = folder.options();
-    let (world, sac) = (&options.online.world, &options.agent);
+    let world = &options.online.world;
     let libraries = [world.video_library(VideoSet::Train)?, world.video_library(VideoSet::Val)?];
     let manifest = world.manifest(options.seed, libraries[0].videos())?;
     let resumed = folder.resume(device)?;
@@ -121,12 +120,10 @@ pub fn model_free(folder: &Folder, device: &Device, listen: &mut dyn FnMut(Event
     state.is_finished = false;
     let learner = match resumed {
         Some((learner, _)) => learner,
-        None => {
-            let mut rng = update_rng(options.seed, 0, Purpose::Calibration);
-            SacLearner::new(SacNetworks::init(options.networks()?, &mut rng, device)?, device)
-        }
+        None => options.learner(device)?,
     };
-    let sizes = ReplayOptions { length: window_length(sac.stack), batch: sac.batch, given_share: 0.0 };
+    let [length, batch] = options.agent.windows();
+    let sizes = ReplayOptions { length, batch, given_share: 0.0 };
     let replay = Replay::open(&folder.path().join("replay"), manifest, state.episodes, &[], sizes)?;
     listen(Event::Start { control_steps: state.control_steps });
     evaluate::drop_beyond(&folder.places().evaluations_path(), state.next_evaluation)?;
@@ -150,7 +147,7 @@ struct Training<'a> {
 }
 
 impl Training<'_> {
-    fn run(&mut self, mut learner: SacLearner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
+    fn run(&mut self, mut learner: ModelFreeLearner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
         while self.state.episodes < self.options.online.prefill.max(1) {
             let lived = self.acting.live(self.task(None, "random".to_owned()))?;
             self.admit(lived.steps)?;
@@ -185,15 +182,14 @@ impl Training<'_> {
     }
 
     /// Saves a checkpoint, and the replay's manifest up to what it was made from.
-    fn save(&self, learner: &SacLearner) -> Result<()> {
+    fn save(&self, learner: &ModelFreeLearner) -> Result<()> {
         self.replay.complete()?;
         self.folder.save(learner, self.state)
     }
 
     /// Who acts with these weights, which it copies.
-    fn agent(&self, learner: &SacLearner) -> TrainedAgent {
-        let agent = SacAgent::new(&learner.networks, self.device);
-        TrainedAgent::ModelFree(ModelFreeAgent::Stacks(Box::new(agent)))
+    fn agent(&self, learner: &ModelFreeLearner) -> TrainedAgent {
+        TrainedAgent::ModelFree(learner.agent(self.device))
     }
 
     fn task(&self, agent: Option<TrainedAgent>, policy: String) -> Task {
@@ -221,10 +217,10 @@ impl Training<'_> {
     /// Makes so many updates on what has been admitted.
     fn updates(
         &mut self,
-        mut learner: SacLearner,
+        mut learner: ModelFreeLearner,
         count: u64,
         listen: &mut dyn FnMut(Event<'_>) -> Go,
-    ) -> Result<(SacLearner, Vec<SacMeasures>, Go)> {
+    ) -> Result<(ModelFreeLearner, Vec<SacMeasures>, Go)> {
         let (seed, first) = (self.options.seed, self.state.update);
         let (mut round, mut go) = (Vec::new(), Go::On);
         let Self { replay, state, options, folder, .. } = self;
@@ -233,8 +229,7 @@ impl Training<'_> {
             let batches = Prefetch::start(scope, replay, seed, first..first + count);
             for _ in 0..count {
                 let mut rng = update_rng(seed, state.update, Purpose::Noise);
-                let batch = Transitions::of_windows(&batches.next()?, &learner.networks.config, &mut rng)?;
-                let made = learner.update(&batch, &options.agent, state.update, &mut rng);
+                let made = learner.update(&batches.next()?, &options.agent, state.update, &mut rng);
                 let (next, measures) = made.map_err(|error| folder.diverged(error, state.update))?;
                 learner = next;
                 round.push(measures);
@@ -263,7 +258,7 @@ impl Training<'_> {
             training_return,
             critic_loss: mean(&|measures| measures.critic_loss),
             target,
-            target_over_bound: target * (1.0 - self.options.agent.discount) / repeat,
+            target_over_bound: target * (1.0 - self.options.agent.discount()) / repeat,
             auxiliary_loss: mean_some(&|measures| measures.auxiliary_loss),
             entropy: mean_some(&|measures| measures.entropy),
             temperature: mean(&|measures| measures.temperature),
@@ -272,7 +267,7 @@ impl Training<'_> {
     }
 
     /// When it is due, and at the end.
-    fn evaluate(&mut self, learner: &SacLearner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Go> {
+    fn evaluate(&mut self, learner: &ModelFreeLearner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Go> {
         let options = &self.options.online;
         let is_last = self.state.control_steps >= options.control_steps;
         let is_due = options.evaluate_every > 0 && self.state.control_steps >= self.state.next_evaluation;

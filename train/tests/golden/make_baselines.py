@@ -1,4 +1,4 @@
-"""Oracles in float64 for what losses.json leaves out: multi-step inverse, DeepMDP, Huber critics, the cross-entropy search. Needs numpy.
+"""Oracles in float64 for what losses.json leaves out: multi-step inverse, DeepMDP, Huber critics, the cross-entropy search, CoRe. Needs numpy.
 
 usage: python make_baselines.py SEED OUT.json
 Gradients are central differences in float64, so that they depend on the values' formulas alone.
@@ -60,5 +60,25 @@ for draw in noise:
     highest = np.where(wins, values.max(1), highest)
     chosen[wins] = kept[wins, 0]
 cases["cross_entropy"] = {"in": {"noise": noise.tolist(), "best_action": best_action.tolist(), "samples": samples, "elites": elites}, "out": {"actions": chosen.tolist()}}
+
+# CoRe's losses beside the critics' (apple/ml-core), weights 1, 1, 1, .01: contrast of next features, smooth L1 of rewards, inverse dynamics, divergence above a free nat.
+def core(expected, features, sharpness, reward_prediction, reward, action_prediction, action, mean, std, prior_mean, prior_std):
+    logits = np.log1p(np.exp(sharpness)) * (expected / np.sqrt(features.shape[1])) @ features.T
+    log_softmax = lambda x: x - x.max(1, keepdims=True) - np.log(np.exp(x - x.max(1, keepdims=True)).sum(1, keepdims=True))
+    contrast = -0.5 * (np.diag(log_softmax(logits)).mean() + np.diag(log_softmax(logits.T)).mean())
+    inverse = (0.5 * ((np.tanh(action_prediction) - action) ** 2).sum(-1)).mean()
+    divergence = (np.log(prior_std / std) + (std**2 + (mean - prior_mean) ** 2) / (2 * prior_std**2) - 0.5).sum(-1).mean()
+    return contrast + huber(reward_prediction - reward).mean() + inverse + 0.01 * max(divergence, 1.0)
+
+
+case(
+    "core",
+    core,
+    dict(
+        expected=normal(rows, 8), features=normal(rows, 8), sharpness=np.array(1.0), reward_prediction=normal(rows) * 2, reward=normal(rows), action_prediction=normal(rows, width),
+        action=random.uniform(-1, 1, (rows, width)), mean=normal(rows, dims), std=np.array(0.1), prior_mean=normal(rows, dims), prior_std=np.abs(normal(rows, 1)) + 0.3,
+    ),
+    ["expected", "features", "sharpness", "reward_prediction", "action_prediction", "mean", "prior_mean", "prior_std"],
+)
 
 json.dump({"format": "vibes-golden-baselines/1", "seed": seed, "made_by": "make_baselines.py (numpy, float64)", "cases": cases}, open(out, "w"))

@@ -9,6 +9,9 @@ use vibes_model::parameters::to_values;
 use super::*;
 use crate::learners::losses::dbc::NextLatent;
 use crate::learners::losses::kl_constraint::Beliefs;
+use crate::learners::recurrent::model_losses::{self, Predicted};
+use crate::learners::recurrent::options::RecurrentOptions;
+use crate::learners::sac::options::Size;
 
 const TOLERANCE: f32 = 1e-5;
 
@@ -81,6 +84,52 @@ impl Case {
         let found = of.grad(gradients).unwrap_or_else(|| panic!("no gradient for {name}"));
         assert_close(&to_values(found), &numbers(&self.json["grad"][name]), name);
     }
+}
+
+#[test]
+fn what_stands_beside_the_critics_in_core() {
+    let case = own("core");
+    let options = RecurrentOptions::system("core", Size::Small).unwrap();
+    let wide = |name: &str| case.input::<2>(name);
+    let line = |name: &str| case.input::<1>(name);
+    let (features, sharpness) = (wide("features"), line("sharpness"));
+    let beliefs = Beliefs {
+        mean: wide("mean"),
+        std: case.number("std"),
+        prior_mean: wide("prior_mean"),
+        prior_std: wide("prior_std"),
+    };
+    let (rewards, actions) = (line("reward_prediction"), wide("action_prediction"));
+    let expected = wide("expected");
+    let predicted = Predicted {
+        features: expected.clone(),
+        sharpness: sharpness.clone(),
+        rewards: rewards.clone(),
+        actions: actions.clone(),
+        beliefs: beliefs.clone(),
+    };
+    let loss = model_losses::of(predicted, features.clone(), line("reward"), wide("action"), &options);
+    case.is_out("loss", loss.clone());
+    let gradients = loss.backward();
+    let of_wide = [
+        ("expected", &expected),
+        ("features", &features),
+        ("action_prediction", &actions),
+        ("mean", &beliefs.mean),
+        ("prior_mean", &beliefs.prior_mean),
+        ("prior_std", &beliefs.prior_std),
+    ];
+    for (name, of) in of_wide {
+        case.is_gradient(name, of, &gradients);
+    }
+    case.is_gradient("sharpness", &sharpness, &gradients);
+    case.is_gradient("reward_prediction", &rewards, &gradients);
+    // Below the free nats the divergence is a constant.
+    let free = RecurrentOptions { free_nats: 1e3, ..options };
+    let predicted = Predicted { features: expected, sharpness, rewards, actions, beliefs: beliefs.clone() };
+    let loss = model_losses::of(predicted, features, line("reward"), wide("action"), &free);
+    let of_mean = beliefs.mean.grad(&loss.backward()).map_or(0.0, |gradient| gradient.abs().max().into_scalar());
+    assert_eq!(of_mean, 0.0);
 }
 
 #[test]

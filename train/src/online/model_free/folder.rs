@@ -7,15 +7,15 @@ use std::sync::Arc;
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 use vibes_data::{FolderLock, Recording, RunFolder};
-use vibes_model::sac::SacConfig;
 
 use super::State;
 use crate::error::{Result, TrainError, io, malformed};
 use crate::json::write_json;
-use crate::learners::sac::options::{SacOptions, Size};
-use crate::learners::sac::update::SacLearner;
+use crate::learners::model_free::{AgentOptions, ModelFreeLearner, picture};
+use crate::learners::sac::options::Size;
 use crate::online::options::OnlineOptions;
 use crate::summary::write_model_free_summary;
+use crate::windows::{Purpose, update_rng};
 
 /// The format's name in `model_free.json`.
 pub const FORMAT: &str = vibes_data::MODEL_FREE_FORMAT;
@@ -35,7 +35,7 @@ pub struct ModelFreeOptions {
     /// Seed of everything.
     pub seed: u64,
     /// The agent.
-    pub agent: SacOptions,
+    pub agent: AgentOptions,
     /// Updates that an agent step pays for.
     pub updates_per_step: f64,
     /// Episodes between checkpoints.
@@ -45,26 +45,13 @@ pub struct ModelFreeOptions {
 }
 
 impl ModelFreeOptions {
-    /// The networks for this world.
+    /// A learner before its first update, for this world.
     ///
     /// # Errors
-    /// There is no such task, or it is seen through vectors.
-    pub fn networks(&self) -> Result<SacConfig> {
-        let spec = self.online.world.spec()?;
-        let Some(size) = spec.pixels else {
-            return Err(TrainError::Options("these agents see pictures; leave out --no-pixels".to_owned()));
-        };
-        let bound = |bounds: &[f64]| bounds.iter().map(|&bound| bound as f32).collect();
-        let bounds = (bound(&spec.action.min), bound(&spec.action.max));
-        Ok(self.agent.networks(&spec.task, [size.height as usize, size.width as usize], bounds))
-    }
-
-    /// What its latents are, in words.
-    ///
-    /// # Errors
-    /// As [`ModelFreeOptions::networks`].
-    pub fn latents(&self) -> Result<String> {
-        Ok(format!("features of the critics, {}", self.networks()?.feature))
+    /// There is no such task, or it is seen through vectors, or its pictures are too small.
+    pub fn learner(&self, device: &Device) -> Result<ModelFreeLearner> {
+        let mut rng = update_rng(self.seed, 0, Purpose::Calibration);
+        self.agent.learner(&self.online.world.spec()?, &mut rng, device)
     }
 
     /// How long to go on may change from one call to the next; nothing else.
@@ -100,7 +87,7 @@ impl Folder {
     /// Another run is there, another process writes into it, an option makes no sense, or the folder cannot be written.
     pub fn create_or_open(path: &Path, options: ModelFreeOptions) -> Result<Self> {
         options.online.check()?;
-        options.networks()?;
+        picture(&options.online.world.spec()?)?;
         if !(options.updates_per_step.is_finite() && options.updates_per_step > 0.0) {
             let text = format!("--updates-per-step is {}; it must be above 0", options.updates_per_step);
             return Err(TrainError::Options(text));
@@ -168,7 +155,7 @@ impl Folder {
     ///
     /// # Errors
     /// A weight is no number, or the folder cannot be written.
-    pub fn save(&self, learner: &SacLearner, state: State) -> Result<()> {
+    pub fn save(&self, learner: &ModelFreeLearner, state: State) -> Result<()> {
         let (place, partial) = (self.folder.checkpoint_path(state.update), self.path().join("checkpoints/.partial"));
         if partial.exists() {
             fs::remove_dir_all(&partial).map_err(io("remove", &partial))?;
@@ -191,13 +178,13 @@ impl Folder {
     ///
     /// # Errors
     /// A file is missing or damaged.
-    pub fn resume(&self, device: &Device) -> Result<Option<(SacLearner, State)>> {
+    pub fn resume(&self, device: &Device) -> Result<Option<(ModelFreeLearner, State)>> {
         let Some((_, newest)) = self.folder.checkpoint_folders().pop() else { return Ok(None) };
         let file = newest.join(STATE);
         let text = fs::read_to_string(&file).map_err(io("read", &file))?;
         let state = serde_json::from_str(&text)
             .map_err(|error| malformed(&file, error, "a state.json as `vibes-train` writes it"))?;
-        Ok(Some((SacLearner::load(&newest, device)?, state)))
+        Ok(Some((ModelFreeLearner::load(&newest, device)?, state)))
     }
 
     /// A number that is none, said with the update it was met in and where to go on; other errors as they are.
