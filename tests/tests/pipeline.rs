@@ -88,6 +88,30 @@ fn is_a_picture(stem: &Path) {
 
 /// One definition for every number: latents measured by the trainer, and the same latents measured from disk by the analyzer, give the same numbers under the same
 /// names, to the last digit.
+/// Agents without a world model, stacks and a GRU: a run of theirs is a policy, and its latents are encoded, evaluated and drawn like any other's.
+#[test]
+fn a_run_without_a_world_model_is_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (system, rows) in [("sac-drq", 8), ("core", 64)] {
+        let line = "vibes-train online --task reacher-easy --agent sac --size 32 --steps 16 --prefill 2 --video-count 1 --evaluation-episodes 1";
+        let more = "--final-episodes 1 --control-steps 192";
+        run(folder, &format!("{line} {more} --system {system} --transitions {rows} -o runs/{system}"));
+        let record = "vibes-collect --steps 16 --size 32 --video-set val --video-count 1 --no-mcap";
+        run(folder, &format!("{record} --policy runs/{system} --grid 2x2 -o recordings/{system}"));
+        let grid = Recording::open(&folder.join(format!("recordings/{system}"))).unwrap();
+        assert_eq!(grid.episodes().len(), 4);
+        assert_eq!(grid.manifest().options["acting"][0]["run"], system);
+        run(folder, &format!("vibes-train encode runs/{system} recordings/{system}"));
+        assert_eq!(Latents::read(&folder.join(format!("runs/{system}/latents.arrow"))).unwrap().len(), 4 * 17);
+        let said = run(folder, &format!("vibes-train evaluate runs/{system} recordings/{system} --json"));
+        let said: serde_json::Value = serde_json::from_str(&said).unwrap();
+        assert!(said["report"]["numbers"]["retrieval_same_step@1"].is_object(), "{said}");
+        assert!(said["gaps"].is_null(), "{said}");
+        assert!(run(folder, &format!("vibes-analyze table runs/{system}")).contains(system));
+    }
+}
+
 #[test]
 fn both_programs_print_the_same_numbers_under_the_same_names() {
     let folder = tempfile::tempdir().unwrap();

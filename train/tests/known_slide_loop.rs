@@ -64,49 +64,67 @@ fn an_agent_that_imagines_comes_close_to_the_best_return() {
     assert!(share > 0.8, "{share}");
 }
 
+/// Trains a system without a world model and judges it.
+fn comes_close(system: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let mut world = default_world("known-slide").unwrap();
+    world.distractors.axes = "none".parse::<Axes>().unwrap();
+    (world.size, world.steps) = (Some(24), STEPS);
+    let mut online = default_options(world, false);
+    (online.prefill, online.control_steps) = (5, 1200);
+    (online.evaluate_every, online.final_episodes) = (0, 20);
+    let options = ModelFreeOptions {
+        format: FORMAT.to_owned(),
+        system: system.to_owned(),
+        size: Size::Small,
+        seed: 0,
+        agent: match AgentOptions::system(system, Size::Small).unwrap() {
+            AgentOptions::Stacks(options) => AgentOptions::Stacks(SacOptions {
+                batch: 32,
+                hidden: 64,
+                discount: DISCOUNT,
+                temperature_lr: 1e-2,
+                ..options
+            }),
+            AgentOptions::Recurrent(options) => AgentOptions::Recurrent(RecurrentOptions {
+                length: 8,
+                depth: 4,
+                memory: 32,
+                latent: 16,
+                head: 32,
+                hidden: 64,
+                discount: DISCOUNT,
+                temperature_lr: 1e-2,
+                ..options
+            }),
+        },
+        updates_per_step: 0.8,
+        save_every: 100,
+        online,
+    };
+    let run = folder.path().join(system);
+    let folder = Folder::create_or_open(&run, options).unwrap();
+    assert_eq!(model_free(&folder, &Device::flex(), &mut |_| Go::On).unwrap(), End::Updates);
+    let share = share_of_the_way(reached(&run));
+    assert!(share > 0.8, "{system}: {share}");
+}
+
 #[test]
-fn agents_without_a_world_model_come_close_to_the_best_return() {
-    for system in ["sac-drq", "qt-opt-drq", "rsac", "core"] {
-        let folder = tempfile::tempdir().unwrap();
-        let mut world = default_world("known-slide").unwrap();
-        world.distractors.axes = "none".parse::<Axes>().unwrap();
-        (world.size, world.steps) = (Some(24), STEPS);
-        let mut online = default_options(world, false);
-        (online.prefill, online.control_steps) = (5, 1200);
-        (online.evaluate_every, online.final_episodes) = (0, 20);
-        let options = ModelFreeOptions {
-            format: FORMAT.to_owned(),
-            system: system.to_owned(),
-            size: Size::Small,
-            seed: 0,
-            agent: match AgentOptions::system(system, Size::Small).unwrap() {
-                AgentOptions::Stacks(options) => AgentOptions::Stacks(SacOptions {
-                    batch: 32,
-                    hidden: 64,
-                    discount: DISCOUNT,
-                    temperature_lr: 1e-2,
-                    ..options
-                }),
-                AgentOptions::Recurrent(options) => AgentOptions::Recurrent(RecurrentOptions {
-                    length: 8,
-                    depth: 4,
-                    memory: 32,
-                    latent: 16,
-                    head: 32,
-                    hidden: 64,
-                    discount: DISCOUNT,
-                    temperature_lr: 1e-2,
-                    ..options
-                }),
-            },
-            updates_per_step: 0.8,
-            save_every: 100,
-            online,
-        };
-        let run = folder.path().join(system);
-        let folder = Folder::create_or_open(&run, options).unwrap();
-        assert_eq!(model_free(&folder, &Device::flex(), &mut |_| Go::On).unwrap(), End::Updates);
-        let share = share_of_the_way(reached(&run));
-        assert!(share > 0.8, "{system}: {share}");
-    }
+fn soft_actor_critic_comes_close_to_the_best_return() {
+    comes_close("sac-drq");
+}
+
+#[test]
+fn a_search_over_critics_comes_close_to_the_best_return() {
+    comes_close("qt-opt-drq");
+}
+
+#[test]
+fn recurrent_soft_actor_critic_comes_close_to_the_best_return() {
+    comes_close("rsac");
+}
+
+#[test]
+fn contrast_beside_recurrent_soft_actor_critic_comes_close_to_the_best_return() {
+    comes_close("core");
 }
