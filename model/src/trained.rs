@@ -243,6 +243,7 @@ impl<'a> TrainedEncoder<'a> {
 
 /// Follows one episode from its start, chunk by chunk.
 #[derive(Debug)]
+#[allow(clippy::large_enum_variant, reason = "there is one at a time, for an episode")]
 pub enum EpisodeLatents<'a> {
     /// By a world model's encoder.
     World(EpisodeEncoder<'a>),

@@ -111,7 +111,7 @@ fn thin(from: &Path, to: &Path) -> Result<()> {
     let every = lines.len().div_ceil(LINES).max(1);
     let last = lines.len().saturating_sub(1);
     // Counted from the end, so that the last line is one of them and all lie equally far apart.
-    let chosen = lines.iter().enumerate().filter(|(place, _)| (last - place) % every == 0);
+    let chosen = lines.iter().enumerate().filter(|(place, _)| (last - place).is_multiple_of(every));
     let kept: String = chosen.map(|(_, line)| format!("{line}\n")).collect();
     Ok(write_atomically(to, kept.as_bytes())?)
 }
