@@ -231,7 +231,7 @@ impl<'a> TrainedEncoder<'a> {
     /// Follows an episode from its start.
     pub fn episode(self, device: &Device) -> EpisodeLatents<'a> {
         match self {
-            Self::World(model) => EpisodeLatents::World(EpisodeEncoder::new(model, device)),
+            Self::World(model) => EpisodeLatents::World(Box::new(EpisodeEncoder::new(model, device))),
             Self::ModelFree(agent) => {
                 let mut agent = agent.clone();
                 agent.begin();
@@ -246,7 +246,7 @@ impl<'a> TrainedEncoder<'a> {
 #[allow(clippy::large_enum_variant, reason = "there is one at a time, for an episode")]
 pub enum EpisodeLatents<'a> {
     /// By a world model's encoder.
-    World(EpisodeEncoder<'a>),
+    World(Box<EpisodeEncoder<'a>>),
     /// Row by row, as an agent follows an environment.
     ModelFree(Box<ModelFreeAgent>),
 }

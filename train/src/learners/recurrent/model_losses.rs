@@ -9,19 +9,10 @@ use burn::tensor::Tensor;
 use vibes_model::World;
 use vibes_model::gaussian::Gaussian;
 
-use super::options::RecurrentOptions;
+use super::options::{ACTION, NEXT_FEATURE, REWARD, RecurrentOptions, SHARPNESS};
 use crate::error::Result;
 use crate::learners::losses::kl_constraint::Beliefs;
 use crate::learners::losses::{contrast, inverse, pair};
-
-/// The head that predicts the next picture's features from the prior.
-pub const NEXT_FEATURE: &str = "next feature";
-/// The head that predicts the reward that led to a state.
-pub const REWARD: &str = "reward before";
-/// The head that predicts the action between two states.
-pub const ACTION: &str = "action between";
-/// The number that the contrast's logits are scaled by.
-pub const SHARPNESS: &str = "contrast temperature";
 
 /// Rows `1..length` of windows, each with the row before it: `[rows, …]`.
 #[derive(Debug, Clone)]

@@ -7,9 +7,17 @@ use vibes_model::numbers::NumberConfig;
 use vibes_model::recurrent::RecurrentConfig;
 use vibes_model::{HeadConfig, ModelConfig, ObservationKind};
 
-use super::model_losses::{ACTION, NEXT_FEATURE, REWARD, SHARPNESS};
 use crate::learners::sac::augment::Augment;
 use crate::learners::sac::options::Size;
+
+/// The head that predicts the next picture's features from the prior.
+pub const NEXT_FEATURE: &str = "next feature";
+/// The head that predicts the reward that led to a state.
+pub const REWARD: &str = "reward before";
+/// The head that predicts the action between two states.
+pub const ACTION: &str = "action between";
+/// The number that the contrast's logits are scaled by.
+pub const SHARPNESS: &str = "contrast temperature";
 
 /// The resolved options of a recurrent agent.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
