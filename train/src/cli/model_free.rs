@@ -27,7 +27,7 @@ const EVERY: Duration = Duration::from_secs(15);
 pub(crate) enum AgentKind {
     /// Actor and critic in the imagination of a world model.
     Dreamer,
-    /// Soft actor-critic from stacked pictures.
+    /// Soft actor-critic from stacked pictures, or through a GRU.
     Sac,
     /// Critics alone; the best action is searched for.
     QtOpt,
