@@ -1,0 +1,75 @@
+//! The runs in `checkpoints/`: each one opens, encodes its own task, and acts if it was trained to; all are small enough for a repository.
+
+#![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use vibes_data::Latents;
+
+/// Most bytes of all runs that were trained offline, and of all that were trained online.
+const MOST: u64 = 10_000_000;
+
+/// Where cargo puts the built programs: two folders above this test.
+fn program(name: &str) -> PathBuf {
+    let test = std::env::current_exe().unwrap();
+    let path = test.parent().and_then(Path::parent).unwrap().join(name);
+    assert!(path.is_file(), "{name} is not built; run `cargo build --workspace` first: {}", path.display());
+    path
+}
+
+fn json(folder: &Path, line: &[&str]) -> serde_json::Value {
+    let output = Command::new(program(line[0])).args(&line[1..]).current_dir(folder).output().unwrap();
+    assert!(output.status.success(), "{line:?}\n{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn bytes(folder: &Path) -> u64 {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries.map(|path| if path.is_dir() { bytes(&path) } else { path.metadata().unwrap().len() }).sum()
+}
+
+/// The runs, and whether each can act.
+fn kept() -> Vec<(PathBuf, bool)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../checkpoints").canonicalize().unwrap();
+    let mut runs: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    runs.retain(|path| path.is_dir());
+    runs.sort();
+    runs.into_iter().map(|run| (run.clone(), run.join("online.json").exists())).collect()
+}
+
+#[test]
+fn every_kept_run_encodes_its_task_and_acts_if_it_can() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (run, acts) in kept() {
+        let name = run.file_name().unwrap().to_str().unwrap().to_owned();
+        let path = run.to_str().unwrap();
+        let info = json(folder, &["vibes-train", "info", path, "--json"]);
+        let model = &info["info"]["model"];
+        let (task, latent) = (model["task"].as_str().unwrap(), model["latent"].as_u64().unwrap());
+        let policy = if acts { path } else { "random" };
+        let recording = format!("recordings/{name}");
+        let mut record = vec!["vibes-collect", "--task", task, "--policy", policy, "--episodes", "1", "--steps", "12"];
+        record.extend(["--video-set", "val", "--video-count", "1", "--no-mcap", "--json", "-o", &recording]);
+        if model["observation"]["kind"] == "vector" {
+            record.extend(["--no-pixels", "--distract", "none"]);
+        }
+        let said = json(folder, &record);
+        assert_eq!(said["returns"].as_array().unwrap().len(), 1, "{name}: {said}");
+        let output = format!("{name}.arrow");
+        json(folder, &["vibes-train", "encode", path, &recording, "-o", &output, "--json"]);
+        let latents = Latents::read(&folder.join(&output)).unwrap();
+        assert_eq!((latents.len(), latents.dims as u64), (13, latent), "{name}");
+        assert!(latents.latent.iter().all(|number| number.is_finite()), "{name}");
+    }
+}
+
+#[test]
+fn the_kept_runs_are_small() {
+    for online in [false, true] {
+        let sizes = kept().into_iter().filter(|(_, acts)| *acts == online).map(|(run, _)| bytes(&run));
+        let total: u64 = sizes.sum();
+        assert!(total <= MOST, "{total} bytes of kept runs, online: {online}");
+    }
+}
