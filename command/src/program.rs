@@ -8,6 +8,7 @@ use clap::parser::ValueSource;
 use clap::{ArgMatches, Command, CommandFactory, FromArgMatches};
 
 use crate::config::{self, Expanded};
+use crate::signals::end_with_the_reader;
 use crate::{Ending, error_text};
 
 /// Reads the process's arguments, does the work, and turns its outcome into the exit code; `judge` says how an error ends the program.
@@ -16,6 +17,8 @@ pub fn run<P: CommandFactory + FromArgMatches>(
     judge: impl FnOnce(&anyhow::Error) -> Ending,
 ) -> ExitCode {
     let begun = Instant::now();
+    // Where the system refuses, a closed pipe stays what it is without: a panic at the next line.
+    let _ = end_with_the_reader();
     let command = config::with_option(P::command());
     let name = command.get_name().to_owned();
     let (program, verbose) = match read::<P>(command, std::env::args_os().collect()) {

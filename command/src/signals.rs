@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, OnceLock};
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGPIPE, SIGTERM, SIGUSR1, SIGUSR2};
 use signal_hook::flag;
 
 /// Ctrl-C, `kill`, a closed terminal, and what schedulers send before their time limit.
@@ -28,4 +28,12 @@ pub fn stop_on_signals() -> std::io::Result<&'static AtomicBool> {
         flag::register(signal, Arc::clone(stop))?;
     }
     Ok(stop)
+}
+
+/// From now on whoever reads what is printed may stop reading: the process then ends as other programs do, instead of panicking at the next line.
+///
+/// # Errors
+/// The system refuses a handler.
+pub fn end_with_the_reader() -> std::io::Result<()> {
+    flag::register_conditional_default(SIGPIPE, Arc::new(AtomicBool::new(true))).map(|_handler| ())
 }

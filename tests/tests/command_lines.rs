@@ -3,8 +3,9 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
 use std::collections::BTreeSet;
+use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 /// Where cargo puts the built programs: two folders above this test.
 fn program(name: &str) -> PathBuf {
@@ -210,3 +211,21 @@ fn an_option_that_has_no_effect_is_an_error() {
         assert!(!folder.join("made").exists(), "{line}");
     }
 }
+
+#[test]
+fn a_reader_that_stops_reading_ends_the_program_without_a_panic() {
+    let folder = folder();
+    for (name, rest, _) in LINES {
+        let mut command = Command::new(program(name));
+        command.args(rest.split_whitespace()).arg("--json").current_dir(folder.path());
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(!errors.contains("panicked"), "{name} {rest}\n{errors}");
+        assert!(output.status.success() || output.status.signal() == Some(SIGPIPE), "{name}: {}", output.status);
+    }
+}
+
+/// What a process gets that writes where nobody reads.
+const SIGPIPE: i32 = 13;
