@@ -34,6 +34,6 @@ pub fn stop_on_signals() -> std::io::Result<&'static AtomicBool> {
 ///
 /// # Errors
 /// The system refuses a handler.
-pub fn end_with_the_reader() -> std::io::Result<()> {
+pub(crate) fn end_with_the_reader() -> std::io::Result<()> {
     flag::register_conditional_default(SIGPIPE, Arc::new(AtomicBool::new(true))).map(|_handler| ())
 }

@@ -15,12 +15,15 @@ use vibes_train::options::Options;
 use vibes_train::prepare::prepare;
 use vibes_train::trained::TrainedRun;
 
+/// Of an episode of the grid: enough for a start and the fifteen steps that are run ahead of it.
+const STEPS: usize = 40;
+
 #[test]
 fn every_objective_trains_is_encoded_is_evaluated_and_says_the_form_of_its_latents() {
     let folder = tempfile::tempdir().unwrap();
     let device = Device::flex();
     let training = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 24, false)];
-    let grid = synthetic::recording(&folder.path().join("grid"), synthetic::SIDE, 8, 24, true);
+    let grid = synthetic::recording(&folder.path().join("grid"), synthetic::SIDE, 8, STEPS, true);
     for objective in Objective::all() {
         let path = folder.path().join(objective.name());
         let text = format!("objective = '{objective}'\nupdates = 3\nobservations = 'pixels'");
@@ -34,7 +37,7 @@ fn every_objective_trains_is_encoded_is_evaluated_and_says_the_form_of_its_laten
         let output = path.join("latents.arrow");
         encode_recording(trained.encoder(), &checkpoint, &grid, &output, &device, &mut |_| {}).unwrap();
         let latents = Latents::read(&output).unwrap();
-        assert_eq!(latents.step.len(), 8 * 25, "{objective}");
+        assert_eq!(latents.step.len(), 8 * (STEPS + 1), "{objective}");
         let report = evaluate(trained.encoder(), &grid, &training, EvaluateOptions::default(), &device).unwrap();
         for name in ["retrieval_same_step@1", "retrieval_any_step@1", "state_share", "distractor_share"] {
             let value = report.numbers.get(name).unwrap().value.estimate;
