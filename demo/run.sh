@@ -43,7 +43,7 @@ import json, sys
 decode, text = json.JSONDecoder(), sys.stdin.read()
 info, end = decode.raw_decode(text)
 state = decode.raw_decode(text[end:].lstrip())[0]["report"]["numbers"]["state_share"]["estimate"]
-print(info["last"]["update"], "it sees the pole, and little else yet" if state >= 0.8 else "barely trained")'
+print(info["last"]["update"], "it follows cart and pole; on which side the pole is comes later" if state >= 0.8 else "barely trained")'
 )
 note="$updates updates from nothing in $minutes minutes: $verdict"
 latents=$run/latents.arrow
