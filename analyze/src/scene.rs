@@ -69,20 +69,27 @@ pub enum SceneError {
     },
 }
 
+/// Writes a recording of this name beside its place and renames it, so that it is there whole or not at all.
+fn write_whole(
+    path: &Path,
+    name: &str,
+    log: impl FnOnce(&RecordingStream) -> Result<(), SceneError>,
+) -> Result<(), SceneError> {
+    let partial = path.with_extension("rrd.partial");
+    let stream = RecordingStreamBuilder::new("vibes-analyze").recording_name(name).save(&partial)?;
+    log(&stream)?;
+    let flushed = stream.flush_blocking().map_err(|e| std::io::Error::other(e.to_string()));
+    drop(stream);
+    flushed.and_then(|()| std::fs::rename(&partial, path)).map_err(|cause| SceneError::Io { cause, path: path.into() })
+}
+
 impl Scene<'_> {
     /// Writes the scene whole or not at all.
     ///
     /// # Errors
     /// [`SceneError`].
     pub fn write(&self, path: &Path) -> Result<(), SceneError> {
-        let partial = path.with_extension("rrd.partial");
-        let stream = RecordingStreamBuilder::new("vibes-analyze").recording_name(self.name()).save(&partial)?;
-        self.log(&stream)?;
-        let flushed = stream.flush_blocking().map_err(|e| std::io::Error::other(e.to_string()));
-        drop(stream);
-        flushed
-            .and_then(|()| std::fs::rename(&partial, path))
-            .map_err(|cause| SceneError::Io { cause, path: path.into() })
+        write_whole(path, &self.name(), |stream| self.log(stream))
     }
 
     fn name(&self) -> String {

@@ -11,7 +11,7 @@ use vibes_data::RunFolder;
 use vibes_env::render::{Look, RenderSettings};
 use vibes_env::{EnvironmentOptions, Error as WorldError, Policy, PolicySpec, Sight, Start};
 use vibes_model::ObservationKind;
-use vibes_model::agent::Choice;
+use vibes_model::actions::Choice;
 use vibes_model::trained::{TrainedAgent, actor_file};
 
 use crate::{Error, Result};

@@ -3,9 +3,11 @@
 
 use burn::tensor::activation::{sigmoid, softplus};
 use burn::tensor::{Device, Tensor};
+use rand::Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::gaussian::log_prob;
+use crate::parameters::to_values;
 
 /// Softplus of this is 5: the first standard deviation of a [`ActionDistribution::TanhNormal`], Dreamer's.
 pub(crate) const RAW_FIVE: f32 = 4.993_239;
@@ -21,6 +23,15 @@ pub enum ActionDistribution {
     BoundedNormal,
     /// Dreamer's and `RePo`'s: `tanh(x)` of a normal `x` with mean `5 tanh(m / 5)` and standard deviation `softplus(v + 4.99) + 0.1`, which begins at 5.1.
     TanhNormal,
+}
+
+/// Which action of the actor's distribution is taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Choice {
+    /// The mean's: for evaluation.
+    Mode,
+    /// A drawn one: for exploration.
+    Sample,
 }
 
 /// Distributions of actions, one a row.
@@ -85,6 +96,14 @@ impl<const D: usize> Actions<D> {
         ActionSample { normal, action }
     }
 
+    /// The actions that are chosen, between −1 and 1, one row after the other: `[… · A]`. Only a drawn one takes numbers from `rng`.
+    pub fn chosen(&self, choice: Choice, rng: &mut impl Rng) -> Vec<f32> {
+        to_values(match choice {
+            Choice::Mode => self.mode(),
+            Choice::Sample => self.sample(noise(self.mean.dims(), rng, &self.mean.device())).action,
+        })
+    }
+
     /// Log-density of the action that came of `normal` (see [`ActionSample::normal`]), summed over dimensions: `[…, 1]`. Of a cut action it is the density
     /// before the cut.
     pub fn log_prob(&self, normal: Tensor<D>) -> Tensor<D> {
@@ -113,7 +132,7 @@ fn log_slope<const D: usize>(x: Tensor<D>) -> Tensor<D> {
 }
 
 /// Standard normal numbers from a generator: `[…]`.
-pub fn noise<const D: usize>(shape: [usize; D], rng: &mut impl rand::Rng, device: &Device) -> Tensor<D> {
+pub fn noise<const D: usize>(shape: [usize; D], rng: &mut impl Rng, device: &Device) -> Tensor<D> {
     let values = crate::init::normal(shape.iter().product(), rng);
     Tensor::from_data(burn::tensor::TensorData::new(values, shape), device)
 }

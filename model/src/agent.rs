@@ -9,7 +9,7 @@ use burn::module::Module;
 use burn::tensor::Device;
 use rand::Rng;
 
-use crate::actions::noise;
+use crate::actions::Choice;
 use crate::actor::Actor;
 use crate::behaviour::Behaviour;
 use crate::belief::Belief;
@@ -18,16 +18,6 @@ use crate::encode::RawFrames;
 use crate::error::ModelError;
 use crate::model::Model;
 use crate::parameters::to_values;
-use crate::scale;
-
-/// Which action of the actor's distribution is taken.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Choice {
-    /// The mean's: for evaluation.
-    Mode,
-    /// A drawn one: for exploration.
-    Sample,
-}
 
 /// Follows an episode and acts in it.
 #[derive(Debug, Clone)]
@@ -73,20 +63,7 @@ impl Agent {
 
     /// Chooses the action of the observation taken in last, in the task's bounds: `[A]`. Without an observation it is the middle of the bounds.
     pub fn choose(&self, choice: Choice, rng: &mut impl Rng) -> Vec<f32> {
-        let config = self.config();
-        let width = config.actions();
-        let mut action = match self.belief.seen() {
-            None => vec![0.0; width],
-            Some(seen) => {
-                let actions = self.actor.forward(seen);
-                to_values(match choice {
-                    Choice::Mode => actions.mode(),
-                    Choice::Sample => actions.sample(noise([1, width], rng, self.belief.device())).action,
-                })
-            }
-        };
-        scale::to_bounds(&mut action, &config.action_min, &config.action_max);
-        action
+        self.belief.choose(|seen| self.actor.forward(seen), choice, rng)
     }
 
     /// [`Agent::observe`], then [`Agent::choose`].

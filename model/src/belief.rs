@@ -6,7 +6,9 @@
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
+use rand::Rng;
 
+use crate::actions::{Actions, Choice};
 use crate::actor::features;
 use crate::config::ModelConfig;
 use crate::dynamics::Dynamics;
@@ -56,11 +58,6 @@ impl Belief {
         &self.config
     }
 
-    /// Where its tensors live.
-    pub fn device(&self) -> &Device {
-        &self.device
-    }
-
     /// Forgets everything of the episode before.
     pub fn begin(&mut self) {
         self.memory = None;
@@ -95,6 +92,18 @@ impl Belief {
         let latent = to_values(encoding.means.clone());
         self.memory = Some(Memory { encoder: encoding.state, dynamics, latent: encoding.means });
         Ok(latent)
+    }
+
+    /// Chooses an action by what is known so far, in the task's bounds: `[A]`; `actor` makes distributions of what it sees. Before the first observation it is the
+    /// middle of the bounds.
+    pub fn choose(&self, actor: impl FnOnce(Tensor<2>) -> Actions<2>, choice: Choice, rng: &mut impl Rng) -> Vec<f32> {
+        let config = &self.config;
+        let mut action = match self.seen() {
+            None => vec![0.0; config.actions()],
+            Some(seen) => actor(seen).chosen(choice, rng),
+        };
+        scale::to_bounds(&mut action, &config.action_min, &config.action_max);
+        action
     }
 
     /// What an actor sees of the observation taken in last, `[1, hidden + latent]`; none before the first.

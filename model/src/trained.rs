@@ -6,7 +6,8 @@ use std::path::Path;
 use burn::tensor::Device;
 use rand::Rng;
 
-use crate::agent::{Agent, Choice};
+use crate::actions::Choice;
+use crate::agent::Agent;
 use crate::config::ObservationKind;
 use crate::encode::{EpisodeEncoder, RawFrames};
 use crate::error::ModelError;

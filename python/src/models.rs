@@ -13,7 +13,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use vibes_data::RunFolder;
 use vibes_model::ObservationKind;
-use vibes_model::agent::Choice;
+use vibes_model::actions::Choice;
 use vibes_model::encode::RawFrames;
 use vibes_model::trained::{Trained, TrainedAgent, actor_file, encoder_file};
 

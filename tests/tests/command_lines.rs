@@ -4,16 +4,10 @@
 
 use std::collections::BTreeSet;
 use std::os::unix::process::ExitStatusExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-/// Where cargo puts the built programs: two folders above this test.
-fn program(name: &str) -> PathBuf {
-    let test = std::env::current_exe().unwrap();
-    let path = test.parent().and_then(Path::parent).unwrap().join(name);
-    assert!(path.is_file(), "{name} is not built; run `cargo build --workspace` first: {}", path.display());
-    path
-}
+use vibes_tests::program;
 
 fn run(folder: &Path, line: &str) -> Output {
     let mut words = line.split_whitespace();

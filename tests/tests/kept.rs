@@ -6,17 +6,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use vibes_data::Latents;
+use vibes_tests::program;
 
 /// Most bytes of all runs that were trained offline, and of all that were trained online.
 const MOST: u64 = 10_000_000;
-
-/// Where cargo puts the built programs: two folders above this test.
-fn program(name: &str) -> PathBuf {
-    let test = std::env::current_exe().unwrap();
-    let path = test.parent().and_then(Path::parent).unwrap().join(name);
-    assert!(path.is_file(), "{name} is not built; run `cargo build --workspace` first: {}", path.display());
-    path
-}
 
 fn json(folder: &Path, line: &[&str]) -> serde_json::Value {
     let output = Command::new(program(line[0])).args(&line[1..]).current_dir(folder).output().unwrap();

@@ -3,18 +3,11 @@
 
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use vibes_data::{Latents, Recording};
-
-/// Where cargo puts the built programs: two folders above this test.
-fn program(name: &str) -> PathBuf {
-    let test = std::env::current_exe().unwrap();
-    let path = test.parent().and_then(Path::parent).unwrap().join(name);
-    assert!(path.is_file(), "{name} is not built; run `cargo build --workspace` first: {}", path.display());
-    path
-}
+use vibes_tests::program;
 
 fn run(folder: &Path, line: &str) -> String {
     let mut words = line.split_whitespace();

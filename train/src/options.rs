@@ -57,7 +57,7 @@ impl Options {
         let plain = Self::preset(name)?;
         let asked = layers.iter().rev().find_map(|(_, layer)| layer.get("objective")).and_then(toml::Value::as_str);
         let objective = asked.and_then(|name| name.parse().ok()).unwrap_or(plain.objective);
-        let recipe = ("the recipe", presets::recipe(name, objective)?);
+        let recipe = ("the recipe", presets::recipe(name, objective));
         plain.with(&[&[recipe], layers].concat())
     }
 

@@ -10,12 +10,10 @@ use rerun::blueprint::{
     Blueprint, BlueprintPanel, Horizontal, SelectionPanel, Spatial2DView, TextDocumentView, TimePanel, TimeSeriesView,
     Vertical,
 };
-use rerun::{
-    EncodedImage, RecordingStream, RecordingStreamBuilder, Scalars, SeriesLines, SeriesPoints, TextDocument, TimeColumn,
-};
+use rerun::{EncodedImage, RecordingStream, Scalars, SeriesLines, SeriesPoints, TextDocument, TimeColumn};
 use vibes_data::{EpisodeEntry, Recording};
 
-use super::{JPEG_QUALITY, SceneError, rgba};
+use super::{JPEG_QUALITY, SceneError, rgba, write_whole};
 use crate::picture::Pixels;
 use crate::picture::color::kind;
 use crate::picture::encode::encode_jpeg;
@@ -42,14 +40,7 @@ impl Progress<'_> {
     /// # Errors
     /// [`SceneError`].
     pub fn write(&self, path: &Path) -> Result<(), SceneError> {
-        let partial = path.with_extension("rrd.partial");
-        let stream = RecordingStreamBuilder::new("vibes-analyze").recording_name(self.name).save(&partial)?;
-        self.log(&stream)?;
-        let flushed = stream.flush_blocking().map_err(|e| std::io::Error::other(e.to_string()));
-        drop(stream);
-        flushed
-            .and_then(|()| std::fs::rename(&partial, path))
-            .map_err(|cause| SceneError::Io { cause, path: path.into() })
+        write_whole(path, self.name, |stream| self.log(stream))
     }
 
     fn repeat(&self) -> i64 {

@@ -8,15 +8,12 @@ use burn::tensor::Device;
 use rand::Rng;
 
 use super::networks::{FILE, RecurrentConfig, RecurrentNetworks, StateActor};
-use crate::actions::noise;
-use crate::agent::Choice;
+use crate::actions::Choice;
 use crate::belief::Belief;
 use crate::config::ObservationKind;
 use crate::encode::RawFrames;
 use crate::error::ModelError;
-use crate::parameters::to_values;
 use crate::sac::cut::{Border, cut};
-use crate::scale;
 
 /// Follows an episode and acts in it.
 #[derive(Debug, Clone)]
@@ -76,19 +73,6 @@ impl RecurrentAgent {
 
     /// Chooses the action of the picture taken in last, in the task's bounds: `[A]`. Without a picture it is the middle of the bounds.
     pub fn choose(&self, choice: Choice, rng: &mut impl Rng) -> Vec<f32> {
-        let config = &self.config.model;
-        let width = config.actions();
-        let mut action = match self.belief.seen() {
-            None => vec![0.0; width],
-            Some(seen) => {
-                let actions = self.actor.forward(seen);
-                to_values(match choice {
-                    Choice::Mode => actions.mode(),
-                    Choice::Sample => actions.sample(noise([1, width], rng, self.belief.device())).action,
-                })
-            }
-        };
-        scale::to_bounds(&mut action, &config.action_min, &config.action_max);
-        action
+        self.belief.choose(|seen| self.actor.forward(seen), choice, rng)
     }
 }

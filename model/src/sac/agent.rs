@@ -13,8 +13,7 @@ use super::critic::TwinCritic;
 use super::cut::{Border, cut};
 use super::networks::{FILE, SacNetworks};
 use super::stack::FrameStack;
-use crate::actions::noise;
-use crate::agent::Choice;
+use crate::actions::Choice;
 use crate::error::ModelError;
 use crate::kernels::pixel_tensor;
 use crate::parameters::to_values;
@@ -98,10 +97,7 @@ impl SacAgent {
     fn action(&self, maps: Tensor<2>, choice: Choice, rng: &mut impl Rng) -> Vec<f32> {
         let width = self.config.actions();
         match (&self.actor, choice) {
-            (Some(actor), Choice::Mode) => to_values(actor.forward(maps).mode()),
-            (Some(actor), Choice::Sample) => {
-                to_values(actor.forward(maps).sample(noise([1, width], rng, &self.device)).action)
-            }
+            (Some(actor), _) => actor.forward(maps).chosen(choice, rng),
             (None, Choice::Sample) if rng.random::<f32>() < self.config.random_share => {
                 (0..width).map(|_| rng.random_range(-1.0..=1.0)).collect()
             }

@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 use vibes_data::{Episode, EpisodeBuilder, EpisodeInfo, RecordingWriter};
 use vibes_env::videos::{VideoLibrary, VideoSet};
 use vibes_env::{EpisodeSeeds, Eyes};
-use vibes_model::agent::Choice;
+use vibes_model::actions::Choice;
 use vibes_model::init;
 use vibes_model::trained::TrainedAgent;
 

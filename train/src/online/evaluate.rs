@@ -7,7 +7,7 @@ use serde::Serialize;
 use vibes_data::write_atomically;
 use vibes_env::videos::VideoSet;
 use vibes_measure::intervals::student;
-use vibes_model::agent::Choice;
+use vibes_model::actions::Choice;
 use vibes_model::trained::TrainedAgent;
 
 use super::actor::{ActorThread, EpisodeKind, Task, episode_seed};

@@ -19,7 +19,7 @@ use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 use vibes_data::MetricsFile;
 use vibes_env::videos::VideoSet;
-use vibes_model::agent::Choice;
+use vibes_model::actions::Choice;
 use vibes_model::trained::TrainedAgent;
 
 use super::actor::{ActorThread, EpisodeKind, Task, episode_seed};

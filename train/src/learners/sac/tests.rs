@@ -4,7 +4,7 @@
 use burn::tensor::Device;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use vibes_model::agent::Choice;
+use vibes_model::actions::Choice;
 use vibes_model::parameters::read_parameters;
 use vibes_model::sac::{SacAgent, SacNetworks};
 
