@@ -17,7 +17,7 @@ use pyo3::types::PyDict;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use vibes_data::Spec;
-use vibes_env::render::{check_drawing, visiting};
+use vibes_env::render::{check_drawing, on_one_display, visiting};
 use vibes_env::videos::VideoLibrary;
 
 use crate::arrays::shaped;
@@ -74,7 +74,7 @@ impl World {
             let pool = threads
                 .map(|threads| ThreadPoolBuilder::new().num_threads(threads).thread_name(|_| "vibes".into()).build());
             let pool = pool.transpose().map_err(|error| format!("no threads for the environments: {error}"))?;
-            let open = || (0..environments).map(|_| Slot::open(&options, &videos)).collect::<vibes_env::Result<_>>();
+            let open = || open_slots(&options, &videos, environments, threads.unwrap_or(1));
             let slots = Mutex::new(visiting(open).map_err(|error| error.to_string())?);
             Ok(Self { options, spec, videos, episode_steps, environments, process: std::process::id(), slots, pool })
         })
@@ -267,6 +267,23 @@ impl World {
         out.set_item("is_last", shaped(py, rows.is_last, &[count])?)?;
         Ok(out)
     }
+}
+
+/// The environments of each thread draw on a display of their own: the threads share the environments out in halves, and halves of halves, so that
+/// neighbours are mostly one thread's.
+fn open_slots(
+    options: &WorldOptions,
+    videos: &Arc<VideoLibrary>,
+    environments: usize,
+    threads: usize,
+) -> vibes_env::Result<Vec<Slot>> {
+    let mut slots = Vec::with_capacity(environments);
+    for thread in 1..=threads {
+        let end = environments * thread / threads;
+        let open = || (slots.len()..end).map(|_| Slot::open(options, videos)).collect::<vibes_env::Result<Vec<_>>>();
+        slots.extend(on_one_display(open)?);
+    }
+    Ok(slots)
 }
 
 impl Drop for World {

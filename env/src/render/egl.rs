@@ -2,7 +2,7 @@
 //!
 //! In: nothing. Out: an [`EglContext`], current on the thread that made it, and OpenGL functions by name. EGL is loaded at run time, so a
 //! machine without it can do everything but draw. What is drawn on is opened once a process ([`displays`]); a new context goes to the display that
-//! has the fewest.
+//! has the fewest, or with others to one ([`on_one_display`]).
 //!
 //! A context may move to another thread once it is current on none: [`visiting`] runs what draws and leaves the thread as it was.
 //!
@@ -20,6 +20,7 @@ use crate::error::{Error, Result};
 
 mod displays;
 
+pub use displays::on_one_display;
 use displays::{DEVICE, Display};
 
 type Egl = egl::DynamicInstance<egl::EGL1_5>;
@@ -139,7 +140,7 @@ impl EglContext {
         let refused = |error: egl::Error| Error::NoEgl { fact: error.to_string() };
         // Which API contexts are made for is a property of the thread.
         egl.bind_api(egl::OPENGL_API).map_err(refused)?;
-        let display = Display::enter_emptiest(displays);
+        let display = Display::enter(displays);
         let context = egl.create_context(display.handle, display.config, None, &[egl::NONE]);
         let context = context.inspect_err(|_| display.leave()).map_err(refused)?;
         let context = Self { context, display, egl };

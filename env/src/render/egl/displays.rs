@@ -8,6 +8,7 @@
 //! platform, device and attributes, but no list of attributes is another one than an empty list, and the surfaceless platform draws on the same
 //! software device: up to four displays. A GPU's contexts do not wait for each other so, and get one.
 
+use std::cell::Cell;
 use std::ffi::{CStr, c_char, c_void};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -51,24 +52,52 @@ pub(super) struct Display {
     contexts: AtomicUsize,
 }
 
+/// Which display the next context of a thread gets.
+#[derive(Clone, Copy, Debug)]
+enum Choice {
+    /// The one with the fewest contexts.
+    Emptiest,
+    /// The same for all until [`on_one_display`] ends; none yet.
+    OneForAll(Option<usize>),
+}
+
+thread_local! {
+    static CHOICE: Cell<Choice> = const { Cell::new(Choice::Emptiest) };
+}
+
+/// Runs `work`, whose contexts all go to the display that has the fewest when the first is made. Contexts that are drawn with one after the other,
+/// on one thread, are made so: they never wait for each other, and other displays stay free for other threads.
+pub fn on_one_display<T>(work: impl FnOnce() -> T) -> T {
+    let before = CHOICE.replace(Choice::OneForAll(None));
+    let done = work();
+    CHOICE.set(before);
+    done
+}
+
 impl Display {
-    /// The display with the fewest contexts, which has one more now.
-    pub(super) fn enter_emptiest(displays: &[Self]) -> &Self {
-        let mut emptiest = &displays[0];
-        for display in displays {
-            if display.contexts.load(Ordering::Relaxed) < emptiest.contexts.load(Ordering::Relaxed) {
-                emptiest = display;
-            }
+    /// The display that this thread's next context gets, which has one more now.
+    pub(super) fn enter(displays: &[Self]) -> &Self {
+        let index = match CHOICE.get() {
+            Choice::OneForAll(Some(index)) => index,
+            Choice::Emptiest | Choice::OneForAll(None) => emptiest(displays),
+        };
+        if let Choice::OneForAll(_) = CHOICE.get() {
+            CHOICE.set(Choice::OneForAll(Some(index)));
         }
-        // Two threads at once may choose the same: they draw slower, and right.
-        emptiest.contexts.fetch_add(1, Ordering::Relaxed);
-        emptiest
+        displays[index].contexts.fetch_add(1, Ordering::Relaxed);
+        &displays[index]
     }
 
     /// One context fewer.
     pub(super) fn leave(&self) {
         self.contexts.fetch_sub(1, Ordering::Relaxed);
     }
+}
+
+/// Two threads at once may find the same: they draw slower, and right.
+fn emptiest(displays: &[Display]) -> usize {
+    let contexts = |index: &usize| displays[*index].contexts.load(Ordering::Relaxed);
+    (0..displays.len()).min_by_key(contexts).unwrap_or(0)
 }
 
 /// Where a display may be opened.
@@ -207,10 +236,14 @@ mod tests {
         let software = devices(&shared.egl).iter().all(|&device| is_software(&shared.egl, device));
         assert_eq!(shared.displays.len() > 1, software, "only a software renderer has siblings");
         let displays: Vec<Display> = [0; 3].map(|_| fake(shared)).into();
-        let entered: Vec<_> = (0..4).map(|_| std::ptr::from_ref(Display::enter_emptiest(&displays))).collect();
-        assert_eq!(entered, [0, 1, 2, 0].map(|index| std::ptr::from_ref(&displays[index])));
+        let entered = || {
+            let entered = Display::enter(&displays);
+            displays.iter().position(|display| std::ptr::eq(display, entered))
+        };
+        assert_eq!([0; 4].map(|_| entered()), [0, 1, 2, 0].map(Some));
         displays[1].leave();
-        assert!(std::ptr::eq(Display::enter_emptiest(&displays), &displays[1]));
+        assert_eq!(on_one_display(|| [0; 3].map(|_| entered())), [Some(1); 3]);
+        assert_eq!(entered(), Some(2), "afterwards the emptiest again");
     }
 
     fn fake(shared: &super::super::Shared) -> Display {
