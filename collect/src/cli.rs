@@ -27,7 +27,7 @@ use crate::Error;
 
 /// Record MuJoCo rollouts under the Distracting Control Suite's distractors.
 ///
-/// Without a verb it records: `vibes-collect --grid 10x10` makes reacher-easy, 10 state trajectories under 10 distractor trajectories each.
+/// Without a verb it records: `vibes-collect --grid 10x10` records the task reacher-easy, 10 state trajectories under 10 distractor trajectories each.
 /// A recording that was stopped goes on with the same command.
 #[derive(Debug, Parser)]
 #[command(name = "vibes-collect", version, args_conflicts_with_subcommands = true, args_override_self = true)]
@@ -44,11 +44,11 @@ struct Cli {
 enum Verb {
     /// Print what a recording holds.
     Info(info::InfoArgs),
-    /// Check a recording: checksums, alignment, physics simulated again, and a sample drawn again.
+    /// Check a recording: checksums and alignment; simulate it and draw a sample of its pictures anew, and compare.
     Verify(verify::VerifyArgs),
     /// Join recordings of one spec into a new one.
     Merge(merge::MergeArgs),
-    /// Divide a recording by share, so that what is held out is clean.
+    /// Divide a recording into parts, such that no part has seen the held-out trajectories of another.
     Split(split::SplitArgs),
     /// Keep some of a recording's episodes, by return, policy, or place in the grid.
     Filter(filter::FilterArgs),
@@ -56,15 +56,15 @@ enum Verb {
     Export(export::ExportArgs),
     /// Make a recording of a Dreamer or Minari dataset.
     Import(import::ImportArgs),
-    /// Simulate a trace or a recorded episode again and compare.
+    /// Simulate a trace or a recorded episode anew and compare.
     Replay(replay::ReplayArgs),
-    /// Make a recording larger: more rows, columns or episodes, as if it had been recorded so large.
+    /// Make a recording larger: more rows, columns or episodes, as if it had been recorded that large from the start.
     Extend(extend::ExtendArgs),
-    /// Draw a recording again: other distractors, another size or look, or none.
+    /// Draw a recording anew: with other distractors, at another size, in another look, or without distractors.
     Render(Box<render::RenderArgs>),
-    /// Draw one contact sheet per task and difficulty.
+    /// Draw one sheet of pictures per task and difficulty.
     Preview(preview::PreviewArgs),
-    /// Print the rate card: how fast this machine simulates and draws.
+    /// Measure how fast this machine simulates, draws and writes.
     Bench(bench::BenchArgs),
 }
 

@@ -25,7 +25,7 @@ pub(crate) struct Expanded {
 
 /// The command with `--config` among its options.
 pub(crate) fn with_option(command: Command) -> Command {
-    let help = "Take options from a TOML file: `key = value` as in `--key value`, for the verb at hand or under `[VERB]`. Options typed win";
+    let help = "Take options from a TOML file: `key = value` as in `--key value`, for the verb at hand or under `[VERB]`; options on the command line win over it";
     command.arg(Arg::new(CONFIG).long(CONFIG).global(true).value_name("FILE.toml").help(help))
 }
 

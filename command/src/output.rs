@@ -5,10 +5,10 @@ use clap::Args;
 /// Options of every verb of every program.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Args)]
 pub struct Output {
-    /// Say more: every option's value and where it comes from, and the time it took.
+    /// Print more: every option's value and where it comes from, and the time it took.
     #[arg(short, long, global = true, conflicts_with = "quiet")]
     pub verbose: bool,
-    /// Say nothing but errors and results.
+    /// Print nothing but errors and results.
     #[arg(short, long, global = true)]
     pub quiet: bool,
     /// Print the result as JSON on standard output.

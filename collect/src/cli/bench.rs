@@ -32,7 +32,7 @@ pub(super) struct BenchArgs {
     /// Renderers at work at the same time [default: one per core].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: Option<u16>,
-    /// Folder on the disk to measure; what is written there is removed again [default: a temporary one].
+    /// Folder on the disk to measure; what is written there is removed afterwards [default: a temporary one].
     #[arg(long, value_name = "DIR")]
     folder: Option<PathBuf>,
 }

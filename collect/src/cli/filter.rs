@@ -11,8 +11,8 @@ use super::merge::transfer;
 use super::{Outcome, OutputArgs};
 use crate::care::select::{Filter, Numbers, write_subset};
 
-/// An episode is kept that passes every test given. It keeps its number, its cell and its files; the grid keeps its size, with the other
-/// cells empty.
+/// An episode is kept if it passes every test that is asked for. It keeps its number, its cell and its files; the grid keeps its size, with the
+/// other cells empty.
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("tests").required(true).multiple(true))]
 pub(super) struct FilterArgs {

@@ -15,7 +15,7 @@ use crate::care::import::{ImportFormat, ImportOptions, import};
 ///
 /// minari: infos, texts, second pictures; choices become zeros and a one. A dataset exported from a recording comes back whole.
 ///
-/// Both have no physics state and no distractors, unless exported from a recording: qpos and qvel are empty, the camera is at rest.
+/// Unless it was exported from a recording, a dataset has no physics state and no distractors: qpos and qvel are empty, the camera is at rest.
 #[derive(Debug, Args)]
 pub(super) struct ImportArgs {
     /// The dataset's folder.
@@ -29,7 +29,7 @@ pub(super) struct ImportArgs {
     /// The task's name [default: the dataset's].
     #[arg(long)]
     task: Option<String>,
-    /// Seconds of a control step, which datasets do not say [default: 1].
+    /// Seconds of a control step, which datasets do not name [default: 1].
     #[arg(long, value_name = "S")]
     control_timestep: Option<f64>,
     /// Control steps a row [default: 1].

@@ -25,16 +25,16 @@ pub(super) struct PreviewArgs {
     /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS [default: the built-in procedural videos].
     #[arg(long, value_name = "DIR")]
     videos: Option<PathBuf>,
-    /// train or val.
+    /// Which videos: train, or val for held-out ones.
     #[arg(long, default_value = "train")]
     video_set: VideoSet,
     /// Side of each picture, pixels.
     #[arg(long, default_value_t = 128, value_parser = clap::value_parser!(u16).range(1..=1024))]
     size: u16,
-    /// fast, or suite for pixels as the Distracting Control Suite's own.
+    /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite pixel by pixel.
     #[arg(long, default_value = "fast")]
     render: Look,
-    /// Of the episode and the distractors.
+    /// Seed of the episode and of the distractors.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Folder for the sheets.

@@ -40,7 +40,7 @@ pub(super) struct RenderArgs {
     /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS, or `procedural` for the built-in ones.
     #[arg(long, value_name = "DIR")]
     videos: Option<PathBuf>,
-    /// train or val.
+    /// Which videos: train, or val for held-out ones.
     #[arg(long)]
     video_set: Option<VideoSet>,
     /// Number of videos.
@@ -54,7 +54,7 @@ pub(super) struct RenderArgs {
     /// Side of the pictures, pixels [default: the recording's].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=2048))]
     size: Option<u32>,
-    /// fast, or suite for pixels as the Distracting Control Suite's own [default: the recording's].
+    /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite pixel by pixel [default: the recording's].
     #[arg(long)]
     render: Option<Look>,
     /// Turn every state about the origin: reacher's symmetry.

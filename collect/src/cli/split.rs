@@ -19,10 +19,10 @@ use crate::care::split::{SplitBy, split};
 pub(super) struct SplitArgs {
     /// The recording's folder.
     path: PathBuf,
-    /// The parts' shares; what they leave of 1 is left out.
+    /// The parts' shares; episodes that they leave over are in no part.
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0.8,0.2")]
     parts: Vec<f64>,
-    /// What is dealt out whole [default: state on a grid, else episode].
+    /// What is never divided between two parts [default: state on a grid, else episode].
     #[arg(long, value_enum)]
     by: Option<By>,
     /// The parts' names [default: train,val or train,val,test; from four on, 1,2,...].
@@ -31,7 +31,7 @@ pub(super) struct SplitArgs {
     /// The new recordings' folders are PREFIX-NAME [default: the recording's own].
     #[arg(short, long, value_name = "PREFIX")]
     output: Option<PathBuf>,
-    /// The seed of who falls into which part.
+    /// The seed of the choice.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Copy files instead of linking them.

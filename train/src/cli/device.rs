@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 /// The option, for the verbs that compute.
 #[derive(Debug, Clone, Copy, Args)]
 pub(crate) struct DeviceArgs {
-    /// Where tensors live.
+    /// What computes.
     #[arg(long = "device", default_value = "flex", value_name = "DEVICE")]
     name: DeviceName,
 }
@@ -22,7 +22,7 @@ impl DeviceArgs {
 /// A backend by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum DeviceName {
-    /// The CPU, with kernels of our own.
+    /// The CPU, with kernels made for these networks.
     Flex,
     /// The CPU, through ndarray: slow, for comparison.
     Ndarray,

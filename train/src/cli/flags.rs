@@ -46,7 +46,7 @@ struct OptionFlags {
     /// Rows a window.
     #[arg(long)]
     length: Option<usize>,
-    /// First rows of a mid-episode window that only warm up the hidden states.
+    /// First rows of a window that only warm up the hidden states, unless it begins with its episode.
     #[arg(long)]
     burn_in: Option<usize>,
     /// Step size of the world model.
@@ -70,10 +70,10 @@ struct OptionFlags {
     /// Share of the dynamics term's gradient that reaches the encoder (1 as the paper writes it).
     #[arg(long)]
     dynamics_weight: Option<f64>,
-    /// Updates before which none of that gradient reaches the encoder (only `vibes` waits).
+    /// Updates before which none of that gradient reaches the encoder (only with --objective vibes).
     #[arg(long)]
     dynamics_start: Option<u64>,
-    /// Nats by which the reward must be predicted better than from past actions alone before any of that gradient reaches the encoder (only `vibes` waits).
+    /// Nats by which the reward must be predicted better than from past actions alone before any of that gradient reaches the encoder (only with --objective vibes).
     #[arg(long)]
     dynamics_after: Option<f64>,
     /// Updates, after that, over which its share rises from 0 to --dynamics-weight.

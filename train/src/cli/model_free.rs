@@ -25,7 +25,7 @@ const EVERY: Duration = Duration::from_secs(15);
 /// Which agent learns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum AgentKind {
-    /// Actor and critic in the imagination of a world model.
+    /// Actor and critic that learn from trajectories imagined by a world model.
     Dreamer,
     /// Soft actor-critic from stacked pictures, or through a GRU.
     Sac,

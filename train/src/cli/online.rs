@@ -66,7 +66,7 @@ pub(crate) struct OnlineArgs {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Work")]
 struct WorkArgs {
-    /// Control steps to live through in all, action repeats counted [default: 500000].
+    /// Control steps to act for in all, every step of an action repeat counted [default: 500000].
     #[arg(long, value_name = "N")]
     control_steps: Option<u64>,
     /// Replayed rows that the world model learns from for every agent step: the one number that sets how much is computed [default: 128].
@@ -132,7 +132,7 @@ struct WorldArgs {
     /// Act on vector observations; nothing is drawn.
     #[arg(long)]
     no_pixels: bool,
-    /// fast, or suite for pixels as the Distracting Control Suite's own [default: fast].
+    /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite pixel by pixel [default: fast].
     #[arg(long, conflicts_with = "no_pixels")]
     render: Option<Look>,
     /// Control steps an action is held [default: the task's].
