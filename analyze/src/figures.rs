@@ -5,6 +5,7 @@
 
 mod axes;
 mod bars;
+mod coloring;
 mod curves;
 mod heading;
 mod legend;
@@ -20,9 +21,10 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 pub use bars::{Bar, BarGroup, Bars};
+pub use coloring::Coloring;
 pub use curves::{Curve, Curves, Facet};
 pub use heading::Heading;
-pub use map::{Coloring, Map};
+pub use map::Map;
 pub use neighbour_sheet::{NeighbourSheet, SheetColumn, Thumb};
 pub use panels::{Panel, Panels};
 pub use probe_chart::{ProbeChart, ProbeMark, ProbeRow};

@@ -4,7 +4,7 @@ use plotters::prelude::{Circle, Color as _, LineSeries, Polygon};
 
 use super::axes::{Axes, Chart, Drawn, chart, rgba};
 use super::heading::Heading;
-use super::legend;
+use super::legend::{self, Mark};
 use crate::picture::color::{Color, kind};
 use crate::picture::font::{Weight, fit};
 use crate::picture::number::LABEL_SIZE;
@@ -58,10 +58,10 @@ impl Curves {
         let width = if columns == 1 { COLUMN } else { PAGE };
         let rows = self.facets.len().div_ceil(columns).max(1);
         let (w, h) = ((width - 6.0) / columns as f64, if columns == 1 { 150.0 } else { 128.0 });
-        let key = legend::swatch_height(&self.groups, width - 12.0);
+        let key = legend::label_height(&self.groups, width - 12.0);
         let (mut picture, top) = self.heading.picture(width, key + 4.0 + rows as f64 * h);
         let colors: Vec<Color> = (0..self.groups.len()).map(kind).collect();
-        legend::swatches(&mut picture, (6.0, top), &self.groups, &colors, width - 12.0);
+        legend::labels(&mut picture, (6.0, top), (&self.groups, &colors), Mark::Line, width - 12.0);
         for (i, facet) in self.facets.iter().enumerate() {
             let (x, y) = ((i % columns) as f64 * w, top + key + 4.0 + (i / columns) as f64 * h);
             facet.draw(&mut picture, Rect::new(x + 34.0, y + 12.0, w - 42.0, h - 38.0), &self.axis);

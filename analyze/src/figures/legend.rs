@@ -1,6 +1,9 @@
-//! Keys to colours: a bar for quantities, swatches for kinds.
+//! Keys to colours: a bar for quantities, labels for series and kinds.
 
-use plotters::prelude::{ChartBuilder, Color as _, IntoDrawingArea as _, IntoFont as _, Rectangle};
+use plotters::element::IntoDynElement as _;
+use plotters::prelude::{
+    ChartBuilder, Circle, Color as _, IntoDrawingArea as _, IntoFont as _, PathElement, Rectangle, SeriesLabelPosition,
+};
 use plotters::style::FontTransform;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -56,13 +59,29 @@ fn bar(picture: &mut Picture, area: Rect, (lo, hi): (f64, f64), title: &str) -> 
     part.draw_text(title, &style, at)
 }
 
-/// Where swatches of these names go in a row of this width: lines of (name index, x), points.
-pub(super) fn swatch_lines(names: &[String], room: f64) -> Vec<Vec<(usize, f64)>> {
+/// How a series is marked in a legend: as it is drawn in its chart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Mark {
+    /// A short piece of the line.
+    Line,
+    /// One of the points.
+    Point,
+}
+
+/// Height of a line of labels, points.
+const LINE: f64 = 10.5;
+/// Room that a mark takes left of its name, points.
+const MARK: f64 = 9.0;
+/// Room between one label and the next, points.
+const BETWEEN: f64 = 8.0;
+
+/// Where labels of these names go in a row of this width: lines of (name index, x), points.
+pub(super) fn label_lines(names: &[String], room: f64) -> Vec<Vec<(usize, f64)>> {
     let mut lines: Vec<Vec<(usize, f64)>> = vec![Vec::new()];
     let mut x = 0.0;
     for (i, name) in names.iter().enumerate() {
-        let w = 9.0 + width(name, LABEL_SIZE, Weight::Regular) + 8.0;
-        if x + w > room + 8.0 && x > 0.0 {
+        let w = MARK + width(name, LABEL_SIZE, Weight::Regular) + BETWEEN;
+        if x + w > room + BETWEEN && x > 0.0 {
             lines.push(Vec::new());
             x = 0.0;
         }
@@ -74,18 +93,51 @@ pub(super) fn swatch_lines(names: &[String], room: f64) -> Vec<Vec<(usize, f64)>
     lines
 }
 
-/// The height of the swatches of these names, points.
-pub(super) fn swatch_height(names: &[String], room: f64) -> f64 {
-    if names.is_empty() { 0.0 } else { swatch_lines(names, room).len() as f64 * 10.5 }
+/// The height of the labels of these names, points.
+pub(super) fn label_height(names: &[String], room: f64) -> f64 {
+    if names.is_empty() { 0.0 } else { label_lines(names, room).len() as f64 * LINE }
 }
 
-/// Draws swatches with names from left to right, on as many lines as they need.
-pub(super) fn swatches(picture: &mut Picture, at: (f64, f64), names: &[String], colors: &[Color], room: f64) {
-    for (row, line) in swatch_lines(names, room).iter().enumerate() {
-        let y = at.1 + row as f64 * 10.5;
+/// Draws the labels of series from left to right, on as many lines as they need.
+///
+/// Each is a series label of Plotters. Only its place is decided here: Plotters puts every label of a chart on a line of its own, inside the chart, and
+/// measures them by fonts that it looks for on the machine, while a figure has one legend for several charts, beside them, as low as it can be.
+pub(super) fn labels(
+    picture: &mut Picture,
+    at: (f64, f64),
+    (names, colors): (&[String], &[Color]),
+    mark: Mark,
+    room: f64,
+) {
+    for (row, line) in label_lines(names, room).iter().enumerate() {
         for &(i, x) in line {
-            picture.fill(Rect::new(at.0 + x, y + 1.5, 6.0, 6.0), colors[i]);
-            picture.text((at.0 + x + 9.0, y + 7.0), names[i].clone(), TextStyle::new(LABEL_SIZE));
+            let at = (at.0 + x, at.1 + row as f64 * LINE + 2.0);
+            if let Err(error) = label(picture, at, &names[i], colors[i], mark) {
+                picture.text(at, error.to_string(), TextStyle::new(TICK_SIZE));
+            }
         }
     }
+}
+
+/// One series label with its upper left corner at a place.
+fn label(picture: &mut Picture, at: (f64, f64), name: &str, color: Color, mark: Mark) -> Drawn {
+    let root = Canvas::new(picture).into_drawing_area();
+    let part = root.shrink((units(at.0), units(at.1)), (width_units(MARK), width_units(LINE)));
+    let mut chart = ChartBuilder::on(&part).build_cartesian_2d(0.0..1.0, 0.0..1.0)?;
+    let color = rgba(color);
+    let series = chart.draw_series(std::iter::empty::<Rectangle<(f64, f64)>>())?;
+    series.label(name).legend(move |(x, y)| match mark {
+        Mark::Line => {
+            let ends = vec![(x, y), (x + units(MARK - 2.5), y)];
+            PathElement::new(ends, color.stroke_width(width_units(1.6))).into_dyn()
+        }
+        Mark::Point => Circle::new((x + units(3.0), y), units(2.4), color.filled()).into_dyn(),
+    });
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::Coordinate(0, 0))
+        .margin(0)
+        .legend_area_size(width_units(MARK))
+        .label_font(("sans-serif", LABEL_SIZE * UNITS).into_font().color(&rgba(INK)))
+        .draw()
 }

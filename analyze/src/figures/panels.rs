@@ -1,12 +1,14 @@
 //! Figure 4a of the paper for any n × m: rows share a state trajectory, columns a distractor trajectory, every panel shows all points in
-//! grey and its own trajectory coloured by time.
+//! grey and its own trajectory coloured by time, or by a column of the table.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::coloring::Coloring;
 use super::heading::Heading;
-use super::legend::{self, BAR_ROOM};
+use super::legend::{self, BAR_ROOM, Mark};
 use super::map::{aspect, fit_points};
-use crate::picture::color::{CONTEXT, FAINT, RULE, viridis};
+use crate::picture::color::{CONTEXT, Color, FAINT, RULE, viridis};
 use crate::picture::font::{Weight, fit};
 use crate::picture::number::LABEL_SIZE;
 use crate::picture::{Anchor, COLUMN, PAGE, Picture, Point, Rect, TextStyle};
@@ -40,6 +42,8 @@ pub struct Panels {
     pub distractors: Vec<u32>,
     /// The cells; one that is absent is drawn as not recorded.
     pub panels: Vec<Panel>,
+    /// What the colours of trajectories say, one value a point of the table; none colours them by time.
+    pub coloring: Option<Coloring>,
 }
 
 impl Panels {
@@ -51,7 +55,10 @@ impl Panels {
         let (left, gap) = (18.0, 2.5);
         let side = ((width - left - BAR_ROOM) / columns as f64 - gap).min(90.0);
         let high = side * aspect(&self.points);
-        let (mut picture, top) = self.heading.picture(width, 21.0 + rows as f64 * (high + gap) + 4.0);
+        let names = self.coloring.as_ref().map_or_else(Vec::new, Coloring::names);
+        let key = legend::label_height(&names, width - 12.0);
+        let body = rows as f64 * (high + gap) + 4.0;
+        let (mut picture, top) = self.heading.picture(width, 21.0 + body + key);
         let top = top + 21.0;
         let (centers, _) = fit_points(&self.points, side, high);
         let every = centers.len().div_ceil(MOST).max(1);
@@ -61,15 +68,48 @@ impl Panels {
                 let area = Rect::new(left + c as f64 * (side + gap), top + r as f64 * (high + gap), side, high);
                 picture.dots((area.x, area.y), cloud.clone(), dot(side, cloud.len()), CONTEXT);
                 let panel = self.panels.iter().find(|p| p.state == state && p.distractor == distractor);
-                trajectory(&mut picture, area, panel.map_or(&[], |p| &p.rows), &centers);
+                let rows = panel.map_or(&[][..], |p| &p.rows);
+                trajectory(&mut picture, area, &self.layers(rows, &centers));
             }
         }
         self.labels(&mut picture, (left, top), (side, high), gap);
         let height = (rows as f64 * (high + gap) - gap).min(120.0);
         let bar = Rect::new(left + columns as f64 * (side + gap) + 4.0, top, 6.0, height);
-        let longest = self.panels.iter().map(|p| p.rows.len()).max().unwrap_or(1).max(2) - 1;
-        legend::color_bar(&mut picture, bar, 0.0, longest as f64, "step");
+        match &self.coloring {
+            None => {
+                let longest = self.panels.iter().map(|p| p.rows.len()).max().unwrap_or(1).max(2) - 1;
+                legend::color_bar(&mut picture, bar, 0.0, longest as f64, "step");
+            }
+            Some(coloring @ Coloring::Quantity { name, .. }) => {
+                let (lo, hi) = coloring.range();
+                legend::color_bar(&mut picture, bar, lo, hi, name);
+            }
+            Some(coloring) => {
+                let at = (8.0, top + body);
+                legend::labels(&mut picture, at, (&names, &coloring.colors()), Mark::Point, width - 12.0);
+            }
+        }
         picture
+    }
+
+    /// A trajectory's points by colour.
+    fn layers(&self, rows: &[usize], centers: &[Point]) -> Vec<(Vec<Point>, Color)> {
+        let range = self.coloring.as_ref().map_or((0.0, 1.0), Coloring::range);
+        let level = |(i, row): (usize, usize)| match &self.coloring {
+            None => (i * LEVELS / rows.len()) as i64,
+            Some(coloring) => coloring.level(row, range),
+        };
+        let mut layers: BTreeMap<i64, Vec<Point>> = BTreeMap::new();
+        for (i, &row) in rows.iter().enumerate() {
+            layers.entry(level((i, row))).or_default().push(centers[row]);
+        }
+        let color = |level: i64| match &self.coloring {
+            None => viridis((level as f64 + 0.5) / LEVELS as f64),
+            // Grey would be lost before the grey of all points.
+            Some(_) if level < 0 => FAINT,
+            Some(coloring) => coloring.color(level),
+        };
+        layers.into_iter().map(|(level, list)| (list, color(level))).collect()
     }
 
     fn labels(&self, picture: &mut Picture, at: Point, (side, high): (f64, f64), gap: f64) {
@@ -102,21 +142,14 @@ fn dot(side: f64, count: usize) -> f64 {
     (0.35 * side / (count.max(1) as f64).sqrt()).clamp(0.25, 0.9)
 }
 
-/// A cell's own rows, coloured by time; drawn as a thin line with a dot at every row.
-fn trajectory(picture: &mut Picture, area: Rect, rows: &[usize], centers: &[Point]) {
+/// A cell's own rows, a dot each, by colour; nothing was recorded if there are none.
+fn trajectory(picture: &mut Picture, area: Rect, layers: &[(Vec<Point>, Color)]) {
     picture.frame(area, 0.4, RULE);
-    if rows.is_empty() {
+    if layers.is_empty() {
         let style = TextStyle::new(5.5).anchor(Anchor::Middle).color(FAINT);
         picture.text((area.x + area.w / 2.0, area.y + area.h / 2.0), "not recorded", style);
-        return;
     }
-    let level = |i: usize| i * LEVELS / rows.len();
-    for l in 0..LEVELS {
-        let list: Vec<Point> =
-            rows.iter().enumerate().filter(|(i, _)| level(*i) == l).map(|(_, &row)| centers[row]).collect();
-        let color = viridis((l as f64 + 0.5) / LEVELS as f64);
-        if !list.is_empty() {
-            picture.dots((area.x, area.y), Arc::new(list), 0.9, color);
-        }
+    for (list, color) in layers {
+        picture.dots((area.x, area.y), Arc::new(list.clone()), 0.9, *color);
     }
 }

@@ -4,7 +4,7 @@ use plotters::prelude::{Circle, Color as _, EmptyElement, PathElement, Polygon};
 
 use super::axes::{Axes, Chart, Drawn, chart, rgba, whisker};
 use super::heading::Heading;
-use super::legend;
+use super::legend::{self, Mark};
 use crate::picture::color::{Color, FAINT, INK, WHITE, kind};
 use crate::picture::font::{Weight, fit, width};
 use crate::picture::number::LABEL_SIZE;
@@ -55,12 +55,12 @@ impl ProbeChart {
     /// Draws the chart at column width. Scores below −0.1 are drawn at −0.1 with an arrow.
     #[must_use]
     pub fn draw(&self) -> Picture {
-        let key = legend::swatch_height(&self.sources, COLUMN - 12.0);
+        let key = legend::label_height(&self.sources, COLUMN - 12.0);
         let sections = self.sections();
         let body = self.rows.len() as f64 * PITCH + sections.len() as f64 * (PITCH + 2.0);
         let (mut picture, top) = self.heading.picture(COLUMN, key + 6.0 + body + 24.0);
         let colors: Vec<Color> = (0..self.sources.len()).map(kind).collect();
-        legend::swatches(&mut picture, (6.0, top), &self.sources, &colors, COLUMN - 12.0);
+        legend::labels(&mut picture, (6.0, top), (&self.sources, &colors), Mark::Point, COLUMN - 12.0);
         let names = self.rows.iter().map(|r| width(&r.quantity, LABEL_SIZE, Weight::Regular));
         let left = names.fold(20.0, f64::max).min(0.45 * COLUMN) + 10.0;
         let area = Rect::new(left, top + key + 6.0, COLUMN - left - 10.0, body);

@@ -89,18 +89,9 @@ fn examples() -> Vec<(&'static str, Figure)> {
                 backdrop: points[2000..].to_vec(),
             }),
         ),
-        (
-            "panels",
-            Figure::Panels(Panels {
-                heading: heading("All latents in grey, one trajectory coloured by time"),
-                states: (0..4).collect(),
-                distractors: (0..4).collect(),
-                panels: (0..15)
-                    .map(|c| Panel { state: c / 4, distractor: c % 4, rows: (0..250).map(|t| (c as usize) * 250 + t).collect() })
-                    .collect(),
-                points,
-            }),
-        ),
+        ("panels", panels(points.clone(), None)),
+        ("panels-quantity", panels(points.clone(), Some(Coloring::Quantity { name: "height, m".into(), values: heights(&points) }))),
+        ("panels-kinds", panels(points.clone(), Some(weather(&points)))),
         (
             "bars",
             Figure::Bars(Bars {
@@ -159,6 +150,30 @@ fn examples() -> Vec<(&'static str, Figure)> {
             }),
         ),
     ]
+}
+
+/// Panels of a grid with a hole, coloured by time or by a column.
+fn panels(points: Vec<[f64; 2]>, coloring: Option<Coloring>) -> Figure {
+    let rows = |c: usize| (0..250).map(|t| c * 250 + t).collect();
+    Figure::Panels(Panels {
+        heading: Heading::new("All latents in grey, one trajectory in colour"),
+        states: (0..4).collect(),
+        distractors: (0..4).collect(),
+        panels: (0..15).map(|c| Panel { state: c / 4, distractor: c % 4, rows: rows(c as usize) }).collect(),
+        points,
+        coloring,
+    })
+}
+
+fn heights(points: &[[f64; 2]]) -> Vec<f64> {
+    points.iter().map(|p| p[1]).collect()
+}
+
+/// Four kinds, of which some rows have none.
+fn weather(points: &[[f64; 2]]) -> Coloring {
+    let kinds = points.iter().enumerate().map(|(i, p)| (i % 250 > 20).then_some((p[1].abs() * 4.0) as u32 % 4)).collect();
+    let names = ["clear", "cloudy", "fog that lasts all day", "rain"].map(String::from).to_vec();
+    Coloring::Kind { name: "weather".into(), kinds, names }
 }
 
 fn entry(mean: f64, half: f64, best: bool, tied: bool) -> Option<Entry> {
