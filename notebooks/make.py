@@ -30,7 +30,7 @@ NOTEBOOKS = {
     "03-reproduce-figure-4": [
         "# Reproduce Figure 4\nThree commands and their pictures. The latents here are the task's observation; put those of your run in their place.",
         FIND + "\nimport subprocess, tempfile, shutil\nimport polars as pl\nwork = Path(tempfile.mkdtemp())\nsteps = pl.scan_ipc(str(recording / 'episodes' / '*.arrow'))\nrows = steps.select('episode', 'step', 'state', 'distractor', 'reward', latent='observation').collect()\nrows.write_ipc(work / 'latents.arrow', compression='uncompressed')",
-        "def analyze(*words):\n    done = subprocess.run(['vibes-analyze', *words, '--latents', work / 'latents.arrow', '--recording', recording, '-o', work], capture_output=True, text=True)\n    assert done.returncode == 0, done.stderr\n    return done.stdout.splitlines()[0]\nanalyze('nn', '--queries', '6')",
+        "def analyze(*words):\n    done = subprocess.run(['vibes-analyze', *words, '--latents', work / 'latents.arrow', '-o', work], capture_output=True, text=True)\n    assert done.returncode == 0, done.stderr\n    return done.stdout.splitlines()[0]\nanalyze('nn', '--queries', '6', '--recording', recording)",
         "Figure 4b: each column a query on top and its nearest neighbours beneath.",
         "from IPython.display import Image, display\ndisplay(Image(filename=work / 'neighbours.png', width=500))",
         "Figure 4a: panels of one row share the state, panels of one column the distractor.",

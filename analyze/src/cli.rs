@@ -28,7 +28,7 @@ use vibes_command::{Ending, Output as Globals};
 
 use crate::input::InputError;
 
-/// Looks into a latent space: neighbours, maps, and numbers that say how invariant it is.
+/// Look into a latent space: neighbours, maps, and numbers that say how invariant it is.
 ///
 /// Every verb reads a table of latents (the newest below the current folder unless one is named) and writes figures as PNG and SVG and numbers
 /// as JSON and Arrow into the folder `figures` beside it. It prints one line of result.
@@ -101,7 +101,8 @@ fn is_wrong(error: &anyhow::Error) -> bool {
     error.chain().any(|e| {
         e.is::<WrongArguments>()
             || e.downcast_ref::<InputError>().is_some_and(|e| {
-                matches!(e, InputError::NoSuchColumn { .. } | InputError::NoSuchResult { .. } | InputError::Rows { .. })
+                use InputError::{IdleJoin, NoSuchColumn, NoSuchResult, Rows};
+                matches!(e, IdleJoin { .. } | NoSuchColumn { .. } | NoSuchResult { .. } | Rows { .. })
             })
             || e.downcast_ref::<vibes_measure::Error>()
                 .is_some_and(|e| matches!(e, NoSuchRow { .. } | Option { .. } | UnknownName { .. }))

@@ -104,6 +104,16 @@ pub enum InputError {
         /// The table.
         path: PathBuf,
     },
+    /// A joined table that nothing is asked of.
+    #[error(
+        "--join has no effect: no column of this table is named by --where, --color or --target, or the latents' own table has it; it has {found}: {path}"
+    )]
+    IdleJoin {
+        /// The columns that are there.
+        found: String,
+        /// The table.
+        path: PathBuf,
+    },
     /// An expression that does not fit the table.
     #[error(
         "{fact}; --where takes an expression over the table's columns that is true of some rows, not {text:?}: {path}"

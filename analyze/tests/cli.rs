@@ -426,14 +426,79 @@ fn a_users_own_columns_are_probed_and_colour_the_scene() {
     assert!(svg.contains("columns of your own"));
     let unknown = ["probe", "-o", text(out.path()), "--target", "weather"];
     assert!(bad(GRID.path(), &unknown, 2).contains("no table has a column weather"));
-    let twice = ["probe", "-o", text(out.path()), "--join", text(&mine), "--target", "height", "--fit", "runs/discs"];
-    assert!(bad(GRID.path(), &twice, 2).contains("--fit"));
-
     let color = ["scene", "--episodes", "3", "-o", text(out.path()), "--join", text(&mine), "--color", "half"];
     good(GRID.path(), &color);
     let colored = std::fs::read(out.path().join("scene.rrd")).expect("scene");
     good(GRID.path(), &color[..5]);
     assert_ne!(colored, std::fs::read(out.path().join("scene.rrd")).expect("scene"));
+}
+
+/// A table beside the grid's latents: `height` by the row, and in which half it lies.
+fn heights(folder: &Path, name: &str, height: impl Fn(f32) -> String) -> PathBuf {
+    let l = Latents::read(&GRID.latents()).expect("latents");
+    let line = |row: usize| {
+        let first = l.row(row)[0];
+        let half = if first > 0.0 { "right" } else { "left" };
+        format!("{},{},{},{half}\n", l.episode[row], l.step[row], height(first))
+    };
+    let path = folder.join(name);
+    let lines: String = (0..l.len()).map(line).collect();
+    std::fs::write(&path, format!("episode,step,height,half\n{lines}")).expect("table");
+    path
+}
+
+#[test]
+fn a_users_own_columns_are_fitted_on_other_latents() {
+    let out = folder();
+    let judged = heights(out.path(), "judged.csv", |first| first.to_string());
+    let fit = GRID.latents();
+    let words = ["probe", "-o", text(out.path()), "--join", text(&judged), "--target", "height,half", "--fit", text(&fit)];
+    let score = |quantity: &str| {
+        let probes = json(&out.path().join("probes.json"));
+        let all = probes["latent"].as_array().expect("scores").clone();
+        let found = all.iter().find(|score| score["probe"] == "linear" && score["quantity"] == quantity);
+        found.expect("score")["score"]["estimate"].as_f64().expect("number")
+    };
+    let fitted_on = |table: &Path| good(GRID.path(), &[&words[..], &["--fit-join", text(table)]].concat());
+    fitted_on(&judged);
+    assert!(score("height") > 0.99 && score("half") > 0.9);
+    // Where the other table says the opposite, so does the probe; classes are judged within the table.
+    fitted_on(&heights(out.path(), "opposite.csv", |first| (-first).to_string()));
+    assert!(score("height") < -1.0 && score("half") > 0.9, "{}", score("height"));
+
+    assert!(bad(GRID.path(), &words, 2).contains("no table has a column height"));
+    let texts = heights(out.path(), "texts.csv", |first| if first > 0.0 { "high".into() } else { "low".into() });
+    let error = bad(GRID.path(), &[&words[..], &["--fit-join", text(&texts)]].concat(), 2);
+    assert!(error.contains("--target height: it holds numbers"), "{error}");
+    assert!(bad(GRID.path(), &[&words[..7], &["--fit-join", text(&judged)]].concat(), 2).contains("--fit"));
+}
+
+#[test]
+fn a_column_colours_the_grid_and_the_map_of_clusters() {
+    let out = folder();
+    let mine = heights(out.path(), "mine.csv", |first| first.to_string());
+    let words = |verb: &'static str, color: &'static str| {
+        [verb, "-o", text(out.path()), "--join", text(&mine), "--color", color].map(String::from)
+    };
+    let run = |words: &[String]| good(GRID.path(), &words.iter().map(String::as_str).collect::<Vec<_>>());
+    let picture = || std::fs::read_to_string(out.path().join("grid.svg")).expect("figure");
+    good(GRID.path(), &["grid", "-o", text(out.path())]);
+    let by_time = picture();
+    run(&words("grid", "half"));
+    assert!(picture().contains("left") && picture() != by_time);
+    run(&words("grid", "height"));
+    assert!(picture().contains("height") && picture() != by_time);
+    let (said, _) = run(&words("clusters", "height,half"));
+    assert!(said.contains("map-by-height.png") && said.contains("map-by-half.png"), "{said}");
+    let table = std::fs::read_to_string(out.path().join("clusters.csv")).expect("table");
+    assert!(table.contains("height") && !table.contains("half"), "{table}");
+
+    let other = out.path().join("other.csv");
+    std::fs::write(&other, "episode,height\n999,1.5\n").expect("table");
+    for verb in ["grid", "clusters", "umap"] {
+        let words = [verb, "-o", text(out.path()), "--join", text(&other), "--color", "height"];
+        assert!(bad(GRID.path(), &words, 2).contains("--color height: no row has a value of it"), "{verb}");
+    }
 }
 
 #[test]
@@ -529,7 +594,7 @@ fn bad_latents_give_a_clear_error_and_leave_nothing() {
     refused("", &["nn", "--no-frames"]);
     l.write(&path).expect("latents");
     refused("only", &["nn", "-k", "500", "--no-frames"]);
-    refused("", &["umap", "--neighbours", "500", "--no-frames"]);
+    refused("", &["umap", "--neighbours", "500"]);
     let whole = std::fs::read(&path).expect("file");
     std::fs::write(&path, &whole[..whole.len() / 2]).expect("file");
     refused("damaged", &["nn"]);

@@ -69,6 +69,11 @@ impl Environment {
         }
     }
 
+    /// Whether an action is the parameters of a travelling wave, as the swimmer's are unless torques were asked for.
+    pub fn acts_by_waves(&self) -> bool {
+        matches!(self.actuation, Actuation::Sinusoid(_))
+    }
+
     /// The bounds of the actuators' control.
     pub fn control_spec(&self) -> ActionSpec {
         let range = self.physics.model().actuator_ctrlrange();

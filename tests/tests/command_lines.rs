@@ -182,11 +182,31 @@ fn an_option_that_has_no_effect_is_an_error() {
     std::fs::create_dir(folder.join("sample")).unwrap();
     let latents = Path::new(env!("CARGO_MANIFEST_DIR")).join("../data/sample/latents.arrow");
     std::fs::copy(latents, folder.join("sample/latents.arrow")).unwrap();
+    std::fs::write(folder.join("notes.csv"), "episode,weather\n0,rain\n").unwrap();
+    let trace = Path::new(env!("CARGO_MANIFEST_DIR")).join("../collect/tests/golden");
+    std::fs::copy(trace.join("physics/reacher-easy-0.json"), folder.join("trace.json")).unwrap();
+    let walk = std::fs::read_dir(trace.join("dcs")).unwrap().map(|entry| entry.unwrap().path());
+    let walk = walk.filter(|path| path.extension().is_some_and(|extension| extension == "json")).min().unwrap();
+    std::fs::copy(walk, folder.join("walk.json")).unwrap();
+    std::fs::create_dir_all(folder.join("lived/replay")).unwrap();
+    std::fs::write(folder.join("lived/replay/manifest.json"), "{}").unwrap();
     for (line, option) in [
         ("vibes-collect --episodes 1 --distract none --video-count 3 -o made", "--video-count"),
         ("vibes-collect --episodes 1 --distract background --camera-seed 3 -o made", "--camera-seed"),
         ("vibes-collect --episodes 1 --distract none --difficulty easy -o made", "--difficulty"),
+        ("vibes-collect --episodes 1 --no-pixels --size 32 -o made", "--size"),
+        ("vibes-collect --episodes 1 --no-pixels --render suite -o made", "--render"),
+        ("vibes-collect --task cartpole-swingup --raw-torques -o made", "--raw-torques"),
         ("vibes-collect render nowhere --distract color --videos procedural -o made", "--videos"),
+        ("vibes-collect replay trace.json --episode 1", "--episode"),
+        ("vibes-collect replay trace.json --videos made", "--videos"),
+        ("vibes-collect replay trace.json --size 32", "--size"),
+        ("vibes-collect replay walk.json --out made", "--out"),
+        ("vibes-collect replay walk.json --frames made", "--frames"),
+        ("vibes-collect replay walk.json --render fast", "--render"),
+        ("vibes-collect replay sample --videos made", "--videos"),
+        ("vibes-collect replay sample --render fast", "--render"),
+        ("vibes-collect info sample --episodes --json", "--episodes"),
         ("vibes-train offline nowhere --objective deepmdp --clip none -o made", "--clip"),
         ("vibes-train offline nowhere --objective no-adversary --adversary-lr 0.1 -o made", "--adversary-lr"),
         ("vibes-train offline nowhere --preset tiny --inverse-steps 3 -o made", "--inverse-steps"),
@@ -197,8 +217,24 @@ fn an_option_that_has_no_effect_is_an_error() {
         ("vibes-train info run --device flex", "--device"),
         ("vibes-train bench --system sac-drq --recipe", "--recipe"),
         ("vibes-analyze curves run --seed 3", "--seed"),
-        ("vibes-analyze umap sample --no-frames --method pca --epochs 3", "--epochs"),
-        ("vibes-analyze umap sample --no-frames --perplexity 12", "--perplexity"),
+        ("vibes-analyze umap sample --method pca --epochs 3", "--epochs"),
+        ("vibes-analyze umap sample --perplexity 12", "--perplexity"),
+        ("vibes-analyze umap sample --recording nowhere", "--recording"),
+        ("vibes-analyze umap sample --join notes.csv", "--join"),
+        ("vibes-analyze grid sample --no-frames", "--no-frames"),
+        ("vibes-analyze grid sample --panels 2x2 --states 0 --distractors 0", "--panels"),
+        ("vibes-analyze nn sample --no-frames --rows 0:3 --queries 4", "--queries"),
+        ("vibes-analyze nn sample --no-frames --rows 0:3 --select mix", "--select"),
+        ("vibes-analyze invariance sample --no-frames --join notes.csv", "--join"),
+        ("vibes-analyze clusters sample --no-frames --reach 2", "--reach"),
+        ("vibes-analyze clusters sample --no-frames --by dbscan --clusters 3", "--clusters"),
+        ("vibes-analyze probe sample --fit-join notes.csv --target weather", "--fit"),
+        ("vibes-analyze scene sample --no-frames --episodes 0 --max-rows 9", "--max-rows"),
+        ("vibes-analyze scene lived --replay --color weather", "--color"),
+        ("vibes-analyze scene lived --replay --method pca", "--method"),
+        ("vibes-analyze scene lived --seed 3", "--seed"),
+        ("vibes-analyze table run --metrics effective_rank --lower gap", "--lower"),
+        ("vibes-analyze report sample --join notes.csv", "--join"),
     ] {
         let said = said(folder, line, 2);
         assert!(said.contains(option), "{line}\n{said}");

@@ -13,7 +13,7 @@ use vibes_measure::neighbours::{Exclude, Metric, Space, nearest};
 use vibes_measure::quality::{QualityOptions, quality};
 use vibes_measure::umap::{UmapOptions, neighbour_graph, umap_of_graph};
 
-/// How long neighbours and maps take on this machine, on latents of 32 dimensions drawn from a seed.
+/// Measure how long neighbours and maps take on this machine, on random latents of 32 dimensions.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     /// A tenth of the rows, for a quick look.

@@ -3,20 +3,26 @@
 use std::fmt::Write as _;
 
 use serde_json::json;
+use vibes_command::Given;
 use vibes_data::{About, Readable};
 
-use super::maps::MapOptions;
+use super::maps::{MadeMap, MapOptions, coloring, file_stem};
 use super::session::{Input, Session};
-use super::{Globals, Outcome};
+use super::{Globals, Outcome, wrong};
 use crate::figures::{Coloring, Figure, Map};
+use crate::input::UserColumn;
 use crate::output::{Column, write_csv};
 use vibes_measure::clusters::{ClusterSummary, Method, cluster_table, clusters};
 use vibes_measure::probes::{HoldOut, Quantity, Values};
 
-/// Groups of latents by k-means or DBSCAN: as colours on the map, as a column (clusters.arrow: episode, step, cluster), and as a table of what each group
-/// holds: its rows, how many states and distractors they are from, and the task quantities that set it apart.
+/// Group the latents by k-means or DBSCAN, and say what each group holds.
+///
+/// The groups are drawn as colours on the map and written as a column (clusters.arrow: episode, step, cluster). A table (clusters.csv) says of each
+/// group how many rows it has, from how many states and distractors they are, and how far its mean of each task quantity is from that of all rows.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
+    #[command(flatten)]
+    given: Given,
     #[command(flatten)]
     input: Input,
     /// How rows are grouped: k-means puts every row into one of --clusters groups, DBSCAN leaves out rows that lie alone.
@@ -25,12 +31,16 @@ pub(super) struct Options {
     /// k-means: how many groups.
     #[arg(long, default_value_t = 8)]
     clusters: usize,
-    /// DBSCAN: rows within reach that make a place dense.
+    /// DBSCAN: how many rows within reach of a row make it part of a group.
     #[arg(long, default_value_t = 10)]
     min_points: usize,
     /// DBSCAN: how far is within reach, in standard deviations of the latents.
     #[arg(long, default_value_t = 1.0)]
     reach: f64,
+    /// Columns to set beside the groups, of the latents' table or of one that is joined: each colours the same map once more, and numbers have a line in
+    /// the table.
+    #[arg(long, value_name = "COLUMN,…", value_delimiter = ',')]
+    color: Vec<String>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -44,10 +54,19 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         Way::Kmeans => Method::KMeans { k: options.clusters },
         Way::Dbscan => Method::Dbscan { min_points: options.min_points, reach: options.reach },
     };
-    let about = json!({ "method": format!("{method:?}") });
-    let mut session = Session::open(&options.input, globals, "clusters", about)?;
+    let others: &[&str] = match options.by {
+        Way::Kmeans => &["min_points", "reach"],
+        Way::Dbscan => &["clusters"],
+    };
+    if let Some(option) = options.given.first_of(others.iter().copied()) {
+        let way = format!("{:?}", options.by).to_lowercase();
+        return Err(wrong(format!("{option} has no effect with --by {way}; leave it out")));
+    }
+    let about = json!({ "method": format!("{method:?}"), "color": options.color });
+    let mut session = Session::open_with(&options.input, globals, "clusters", about, &options.color)?;
     let labels = clusters(&session.table()?, method, &mut session.rng())?;
-    let quantities = quantities(&session)?;
+    let mut quantities = quantities(&session)?;
+    add_columns(&mut session, &mut quantities)?;
     let summaries = cluster_table(&session.table()?, &labels, &quantities)?;
     let made = MapOptions::default().map(&mut session, globals)?;
     let map = Map {
@@ -58,6 +77,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         coloring: Coloring::Kind { name: "cluster".into(), kinds: labels.clone(), names: Vec::new() },
     };
     session.save(&Figure::Map(map), "map-by-cluster")?;
+    draw_columns(&mut session, &made)?;
     let l = &session.latents;
     // Arrow's unsigned numbers have no "none": rows of no group carry the largest number.
     let column = labels.iter().map(|label| label.unwrap_or(u32::MAX)).collect();
@@ -94,6 +114,39 @@ fn quantities(session: &Session) -> anyhow::Result<Vec<Quantity>> {
     };
     let of_task = readable.iter().filter(|readable| readable.about == About::Task && !readable.is_class());
     Ok(of_task.filter_map(quantity).filter(|quantity| quantity.values.vary()).collect())
+}
+
+/// The user's own columns of numbers among the quantities; one that has no value in some row cannot be averaged.
+fn add_columns(session: &mut Session, quantities: &mut Vec<Quantity>) -> anyhow::Result<()> {
+    let rows = session.latents.len();
+    for (name, column) in session.columns.clone() {
+        if quantities.iter().any(|quantity| quantity.name == name) {
+            return Err(wrong(format!("--color {name}: a quantity of the recording has this name; rename the column")));
+        }
+        let UserColumn::Numbers(values) = column else { continue };
+        if values.iter().all(|value| value.is_finite()) {
+            quantities.push(Quantity { name, hold_out: HoldOut::State, values: Values::Numbers(values) });
+        } else {
+            let without = rows - values.iter().filter(|value| value.is_finite()).count();
+            session.remark(format!("{without} rows have no value of {name}, which is left out of the table"));
+        }
+    }
+    Ok(())
+}
+
+/// The map once more for each of the user's own columns.
+fn draw_columns(session: &mut Session, made: &MadeMap) -> anyhow::Result<()> {
+    for column in session.columns.clone() {
+        let map = Map {
+            heading: session.heading(format!("The same map, coloured by {}", column.0)),
+            axes: "UMAP".into(),
+            points: made.points(),
+            backdrop: Vec::new(),
+            coloring: coloring(&column, session.latents.len())?,
+        };
+        session.save(&Figure::Map(map), &format!("map-by-{}", file_stem(&column.0)))?;
+    }
+    Ok(())
 }
 
 /// A group in words: how many rows, from how many states, and what sets it apart most.

@@ -13,7 +13,7 @@ use vibes_measure::invariance::Grid;
 use vibes_measure::neighbours::{Exclude, Metric, Space, nearest};
 use vibes_measure::numbers::{GridOptions, Numbers, grid_numbers};
 
-/// Invariance of several tables of latents of one recording, and how far they agree on what is near what.
+/// Compare several tables of latents of one recording: how invariant each is, and how many neighbours they have in common.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     /// Tables of latents, or run folders; at least two.

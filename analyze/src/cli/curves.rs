@@ -18,7 +18,7 @@ use vibes_measure::intervals::Interval;
 /// Most places along a mean curve.
 const PLACES: usize = 200;
 
-/// Learning curves over run folders, with 95% intervals over the runs of a group, and a table of where they ended.
+/// Draw learning curves of runs, with 95% intervals over the runs of a group, and a table of where they ended.
 ///
 /// Beside the metrics of training stand those of a held-out grid: retrieval, variance shares, and the gaps to a bisimulation in nats
 /// (`vibes-train offline --eval GRID` while training, `vibes-train evaluate RUN GRID` afterwards).

@@ -12,11 +12,11 @@ use crate::figures::{Figure, Heading, Strip, StripLine, Strips};
 use crate::output;
 use crate::picture::Pixels;
 
-/// Strips of pictures: the recorded frame, what a decoder fitted on frozen latents draws of it, and what it draws of the latents that the dynamics
-/// predict from one step on under the recorded actions. Several runs stand side by side.
+/// Show what of the picture is in the latents, as strips of pictures drawn from them, of several runs side by side.
 ///
-/// A latent that ignores distractors shows the body before a grey mean of backgrounds; one that keeps them shows them. The pictures are made by
-/// `vibes-train decode RUN RECORDING`; the encoder never learns from them.
+/// A strip shows the recorded frames, what a decoder draws from their latents, and what it draws from the latents that the dynamics predict from one step
+/// on under the recorded actions. Latents that ignore distractors show the body in front of a mean of backgrounds; latents that keep them show the
+/// background. The pictures are made by `vibes-train decode RUN RECORDING`, which does not change the encoder.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     /// Run folders with a decoded.arrow, or such files.

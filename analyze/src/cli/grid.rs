@@ -4,17 +4,22 @@ use std::collections::BTreeSet;
 use std::str::FromStr;
 
 use serde_json::json;
+use vibes_command::Given;
 
-use super::maps::MapOptions;
-use super::session::{Input, Session};
+use super::maps::{MapOptions, coloring};
+use super::session::{Session, TableInput};
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Figure, Panel, Panels};
 
-/// State trajectories × distractor trajectories on one map: all latents grey, each panel's own trajectory coloured by time.
+/// Draw state × distractor trajectories on one map, a panel each.
+///
+/// Every panel shows all latents in grey and its own trajectory in colours: of time, or of a column.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     #[command(flatten)]
-    input: Input,
+    given: Given,
+    #[command(flatten)]
+    input: TableInput,
     #[command(flatten)]
     map: MapOptions,
     /// Panels to draw, states x distractors; the whole grid if it is smaller.
@@ -26,6 +31,9 @@ pub(super) struct Options {
     /// Distractor trajectories to draw, in place of the first M.
     #[arg(long, value_name = "D,…", value_delimiter = ',')]
     distractors: Vec<u32>,
+    /// A column to colour the trajectories by, in place of time: of the latents' table or of one that is joined.
+    #[arg(long, value_name = "COLUMN")]
+    color: Option<String>,
 }
 
 /// A grid's size as it is typed.
@@ -47,8 +55,15 @@ impl FromStr for Size {
 }
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
-    let given = json!({ "map": options.map.json(), "panels": format!("{}x{}", options.panels.states, options.panels.distractors) });
-    let mut session = Session::open(&options.input, globals, "grid", given)?;
+    if !options.states.is_empty() && !options.distractors.is_empty() && options.given.first_of(["panels"]).is_some() {
+        return Err(wrong("--panels has no effect where --states and --distractors name all panels; leave it out"));
+    }
+    let given = json!({
+        "map": options.map.json(), "panels": format!("{}x{}", options.panels.states, options.panels.distractors), "color": options.color,
+    });
+    let color: Vec<String> = options.color.iter().cloned().collect();
+    let mut session = Session::open_with(&(&options.input).into(), globals, "grid", given, &color)?;
+    let coloring = session.columns.first().map(|column| coloring(column, session.latents.len())).transpose()?;
     let all = cells(&session)?;
     let states = choose("--states", &options.states, all.iter().map(|c| c.0).collect(), options.panels.states)?;
     let distractors =
@@ -75,7 +90,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let heading = session.heading("One trajectory a panel, over all latents");
     // Points of an old map that this one was placed on belong to the grey ones.
     let points = [made.points(), made.backdrop()].concat();
-    let figure = Panels { heading, points, states: states.clone(), distractors: distractors.clone(), panels };
+    let figure = Panels { heading, points, states: states.clone(), distractors: distractors.clone(), panels, coloring };
     session.save(&Figure::Panels(figure), "grid")?;
     session.write_json("grid", &json!({ "states": states, "distractors": distractors, "cells": keys, "holes": holes, "quality": made.quality }))?;
     Ok(session.finish(line))

@@ -12,11 +12,10 @@ use vibes_measure::intervals::Interval;
 use vibes_measure::invariance::{Grid, variance};
 use vibes_measure::numbers::{GridOptions, Number, Numbers, grid_numbers};
 
-/// How much of the latents' variance the state explains, how much the distractor, and how often the same state is found again under another
-/// distractor. Needs latents of a grid.
+/// Measure how much of the latents' variance is state and how much distractor, and how often the same state is found under another distractor.
 ///
-/// Beside each number stands that of the action-only control: all cells of a row of the grid share their actions, so an encoder that sees only
-/// actions scores well.
+/// It needs latents of a grid. Beside each number stands that of the action-only control: all cells of a row of the grid share their actions, so an
+/// encoder that sees only actions scores well.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     #[command(flatten)]

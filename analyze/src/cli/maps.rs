@@ -12,6 +12,8 @@ use vibes_data::Latents;
 
 use super::session::Session;
 use super::{Globals, say, wrong};
+use crate::figures::Coloring;
+use crate::input::UserColumn;
 use crate::output::MapTable;
 use onto::OldMap;
 use vibes_command::Given;
@@ -78,6 +80,22 @@ impl Method {
             Self::Pca => "PC",
         }
     }
+}
+
+/// A column of the user's own as colours.
+pub(super) fn coloring((name, column): &(String, UserColumn), rows: usize) -> anyhow::Result<Coloring> {
+    if !(0..rows).any(|row| column.has(row)) {
+        return Err(wrong(format!("--color {name}: no row has a value of it")));
+    }
+    Ok(match column.clone() {
+        UserColumn::Numbers(values) => Coloring::Quantity { name: name.clone(), values },
+        UserColumn::Kinds { of_row, names } => Coloring::Kind { name: name.clone(), kinds: of_row, names },
+    })
+}
+
+/// A column's name as part of a file's.
+pub(super) fn file_stem(name: &str) -> String {
+    name.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
 }
 
 /// A map with its quality.

@@ -18,7 +18,7 @@ use crate::output::Column;
 use vibes_measure::neighbours::{Exclude, Metric, Neighbours, Space, nearest};
 use vibes_measure::state_error::{StateError, state_error};
 
-/// Nearest neighbours in the latent space: a sheet of pictures, and neighbours.json.
+/// Find the nearest neighbours of rows in the latent space, and draw them.
 ///
 /// neighbours.json holds `metric`, `k`, and for each query its row key `query` as [episode, step], its `neighbours` as [[episode, step], …],
 /// nearest first, and their `distance`s. Neighbours come from other episodes.
@@ -29,8 +29,8 @@ pub(super) struct Options {
     /// How many queries to draw.
     #[arg(long, default_value_t = 20)]
     queries: usize,
-    /// The queries by row key, in place of drawn ones.
-    #[arg(long, value_name = "EPISODE:STEP,…", value_delimiter = ',')]
+    /// The queries, named by episode and step, in place of drawn ones.
+    #[arg(long, value_name = "EPISODE:STEP,…", value_delimiter = ',', conflicts_with_all = ["queries", "select"])]
     rows: Vec<RowKey>,
     /// Neighbours of each query.
     #[arg(long, short, default_value_t = 5)]

@@ -10,18 +10,18 @@ use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::actions::action_features;
 use crate::figures::{Figure, ProbeChart, ProbeMark, ProbeRow};
-use crate::input::{Frames, UserColumn, find_recording, read_latents};
+use crate::input::{Asked, Frames, ReadLatents, UserColumn, find_recording, read_asked};
 use crate::output::Column;
 use vibes_measure::Table;
 use vibes_measure::intervals::Interval;
 use vibes_measure::numbers::probe_numbers;
 use vibes_measure::probes::{Fit, HoldOut, Probe, ProbeOptions, ProbeScore, Quantity, Sample, Values, probe};
 
-/// Linear and kNN probes on trajectories that they were not fitted on: from the latent to each task quantity (high is good) and to each distractor
-/// parameter (chance is good), with an action-only and a shuffled control.
+/// Measure what can be read from the latents: task quantities, which should be, and distractors, which should not.
 ///
-/// Probes of numbers are fitted on the other trajectories of the same table, or with --fit on the latents of another recording, such as the training
-/// recordings: the ten states of a grid are few to fit on.
+/// Linear and nearest-neighbour probes are judged on trajectories that they were not fitted on, beside the same probes of past actions alone and of
+/// shuffled quantities. Probes of numbers are fitted on the other trajectories of the same table, or with --fit on the latents of another recording,
+/// such as a training recording: the ten states of a grid are few to fit on.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     #[command(flatten)]
@@ -32,10 +32,13 @@ pub(super) struct Options {
     /// The recording of the latents to fit on [default: the one that they name].
     #[arg(long, value_name = "FOLDER", requires = "fit")]
     fit_recording: Option<PathBuf>,
-    /// Columns to read off as well, of the latents' table or of one that is joined: numbers by R², texts and truth values as classes. They are judged
-    /// on held-out trajectories of the same table.
-    #[arg(long, value_name = "COLUMN,…", value_delimiter = ',', conflicts_with = "fit")]
+    /// Columns to read off as well, of the latents' table or of one that is joined: numbers by R², texts and truth values as classes. With --fit the
+    /// latents to fit on need the same columns of numbers; classes are judged on held-out trajectories of the same table.
+    #[arg(long, value_name = "COLUMN,…", value_delimiter = ',')]
     target: Vec<String>,
+    /// A table of your own with the columns of --target, joined to the latents to fit on; may be given several times.
+    #[arg(long, value_name = "TABLE", requires = "fit", requires = "target")]
+    fit_join: Vec<PathBuf>,
 }
 
 const TASK: &str = "task: high is good";
@@ -95,7 +98,7 @@ impl Rows {
 }
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
-    let given = json!({ "fit": options.fit, "target": options.target });
+    let given = json!({ "fit": options.fit, "target": options.target, "fit_join": options.fit_join });
     let mut session = Session::open_with(&options.input, globals, "probe", given, &options.target)?;
     let frames = session.needed_frames("probe")?;
     let (keep, outside) = usable(&session.latents);
@@ -115,8 +118,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         )));
     }
     let judged = Rows::new(chosen(&session.latents, &whole), frames);
-    let fitted = options.fit.as_deref().map(|path| open_to_fit(path, options.fit_recording.as_deref())).transpose()?;
-    let (mut sections, mut quantities, to_fit) = quantities(&mut session, &judged, fitted.as_ref());
+    let fitted = options.fit.as_deref().map(|path| open_to_fit(path, options, &mut session)).transpose()?;
+    let (fitted, their_targets) = fitted.unzip();
+    let (mut sections, mut quantities, mut to_fit) = quantities(&mut session, &judged, fitted.as_ref());
     for (name, column) in session.columns.clone() {
         if quantities.iter().any(|quantity| quantity.name == name) {
             return Err(wrong(format!(
@@ -126,6 +130,11 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         let target = target(&name, &column, &whole);
         if target.values.vary() {
             sections.push(TARGETS);
+            if let Some(theirs) = &their_targets {
+                let theirs = theirs.iter().find(|theirs| theirs.name == name);
+                // Classes are never fitted elsewhere; any values keep their place.
+                to_fit.push(theirs.unwrap_or(&target).clone());
+            }
             quantities.push(target);
         } else {
             session.remark(format!("{name} does not vary and was left out"));
@@ -162,10 +171,31 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     Ok(session.finish(line))
 }
 
-/// The latents to fit on, with their recording.
-fn open_to_fit(path: &Path, recording: Option<&Path>) -> anyhow::Result<Rows> {
-    let read = read_latents(path)?;
-    let latents = chosen(&read, &usable(&read).0);
+/// The latents to fit on, with their recording, and their values of those targets that are numbers.
+fn open_to_fit(path: &Path, options: &Options, session: &mut Session) -> anyhow::Result<(Rows, Vec<Quantity>)> {
+    let is_number = |column: &&(String, UserColumn)| matches!(column.1, UserColumn::Numbers(_));
+    let numbers: Vec<String> = session.columns.iter().filter(is_number).map(|column| column.0.clone()).collect();
+    let asked = Asked { rows: None, joins: options.fit_join.clone(), columns: numbers };
+    let ReadLatents { latents: read, columns, remarks } = read_asked(path, &asked)?;
+    remarks.into_iter().for_each(|remark| session.remark(format!("to fit on: {remark}")));
+    if let Some((name, _)) = columns.iter().find(|column| !is_number(column)) {
+        return Err(wrong(format!(
+            "--target {name}: it holds numbers in the latents that are judged, and texts or truth values in those to fit on: {}",
+            path.display()
+        )));
+    }
+    let usable = usable(&read).0;
+    let kept: Vec<usize> = usable.iter().copied().filter(|&row| columns.iter().all(|c| c.1.has(row))).collect();
+    if kept.is_empty() {
+        return Err(wrong(format!("no row of the latents to fit on has a value of {}: {}", asked.columns.join(" and "), path.display())));
+    }
+    if kept.len() < usable.len() {
+        let without = usable.len() - kept.len();
+        session.remark(format!("{without} rows of the latents to fit on have no value of {} and were left out", asked.columns.join(" or ")));
+    }
+    let targets = columns.iter().map(|(name, column)| target(name, column, &kept)).collect();
+    let latents = chosen(&read, &kept);
+    let recording = options.fit_recording.as_deref();
     let named = latents.source.recording.as_deref().and_then(|named| find_recording(named, path));
     let missing = || {
         wrong(format!(
@@ -175,7 +205,7 @@ fn open_to_fit(path: &Path, recording: Option<&Path>) -> anyhow::Result<Rows> {
     };
     let recording = recording.map(Path::to_path_buf).or(named).ok_or_else(missing)?;
     let frames = Frames::open(&recording, &latents)?;
-    Ok(Rows::new(latents, frames))
+    Ok((Rows::new(latents, frames), targets))
 }
 
 /// The quantities that vary with the section of each, and their values in the rows to fit on.

@@ -20,7 +20,7 @@ use maps::live_map;
 use verdict::{Known, verdict};
 use words::questions;
 
-/// One HTML page about one or more runs: the verdict in one table, every figure and number, and maps to look into.
+/// Write one HTML page about one or more runs: the verdict in one table, every figure and number, and interactive maps.
 ///
 /// On a map, a click shows a row's frame and its nearest neighbours, a slider runs through its episode, and a selected region shows the frames in it;
 /// points are coloured by any column. The page needs no network and no other file.

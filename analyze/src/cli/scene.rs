@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use serde_json::json;
+use vibes_command::{Given, options_of};
 use vibes_data::{Decoded, Recording};
 
 use super::maps::MapOptions;
@@ -16,18 +17,20 @@ use crate::scene::Scene;
 use crate::scene::progress::Progress;
 use vibes_measure::neighbours::{Exclude, Metric, Space, nearest};
 
-/// A Rerun scene (.rrd): frame, latent, map with the current point lit, nearest neighbours, reward and distractors on one timeline.
+/// Write a Rerun scene (.rrd) to walk through: frame, latent, map, neighbours, reward and distractors on one timeline.
 ///
-/// Of an online run that has no latents, or with --replay: its episodes as the policy improved, on the timeline of control steps. Open it with
-/// `rerun scene.rrd` (Rerun 0.36).
+/// Of an online run that has no latents, or with --replay, it shows the episodes as the policy improved, on the timeline of control steps. Open it
+/// with `rerun scene.rrd` (Rerun 0.36).
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
+    #[command(flatten)]
+    given: Given,
     #[command(flatten)]
     input: Input,
     #[command(flatten)]
     map: MapOptions,
     /// Episodes to show, in place of as many as make up --max-rows.
-    #[arg(long, value_name = "E,…", value_delimiter = ',')]
+    #[arg(long, value_name = "E,…", value_delimiter = ',', conflicts_with = "max_rows")]
     episodes: Vec<u32>,
     /// Most rows to show when episodes are not named.
     #[arg(long, default_value_t = 2000)]
@@ -96,6 +99,11 @@ const SHOWN: usize = 12;
 
 /// The scene of an online run.
 fn progress(options: &Options, run: &Path) -> anyhow::Result<Outcome> {
+    let of_map = options_of::<MapOptions>();
+    let of_latents = ["recording", "no_frames", "seed", "note", "where", "join", "max_rows", "k", "color"];
+    if let Some(option) = options.given.first_of(of_latents.into_iter().chain(of_map.iter().map(String::as_str))) {
+        return Err(wrong(format!("{option} has no effect on the scene of an online run's episodes; leave it out")));
+    }
     let replay = Recording::open(&run.join("replay")).context("the run's replay cannot be read")?;
     let all: Vec<u32> = replay.episodes().iter().map(|entry| entry.index).collect();
     if let Some(missing) = options.episodes.iter().find(|episode| !all.contains(episode)) {

@@ -18,21 +18,15 @@ use crate::output;
 use crate::output::Column;
 use vibes_measure::Table;
 
-/// The inputs and outputs of a verb on one table of latents.
+/// A table of latents that a verb looks at, and where its output goes.
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Input {
-    /// A table of latents (Arrow, Parquet, npy, npz) or a folder with some, such as a run; the newest below runs/ unless named.
+pub(super) struct TableInput {
+    /// A table of latents (Arrow, Parquet, CSV, npy, npz) or a folder with some, such as a run [default: the newest below the current folder].
     #[arg(value_name = "LATENTS")]
     input: Option<PathBuf>,
-    /// The same as an option.
+    /// The same, named by an option.
     #[arg(long, value_name = "FILE", conflicts_with = "input")]
     latents: Option<PathBuf>,
-    /// The recording the latents were encoded from; the one their metadata names unless given.
-    #[arg(long, value_name = "FOLDER")]
-    recording: Option<PathBuf>,
-    /// Go on without the recording: no pictures, no task state.
-    #[arg(long, conflicts_with = "recording")]
-    no_frames: bool,
     /// Where the output goes [default: the folder `figures` beside the latents].
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
@@ -50,6 +44,25 @@ pub(super) struct Input {
     join: Vec<PathBuf>,
 }
 
+/// The same with the recording beside it, for verbs that look into that too.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Input {
+    #[command(flatten)]
+    table: TableInput,
+    /// The recording the latents were encoded from [default: the one that their metadata names].
+    #[arg(long, value_name = "FOLDER")]
+    recording: Option<PathBuf>,
+    /// Go on without the recording: no pictures, no task state.
+    #[arg(long, conflicts_with = "recording")]
+    no_frames: bool,
+}
+
+impl From<&TableInput> for Input {
+    fn from(table: &TableInput) -> Self {
+        Self { table: table.clone(), recording: None, no_frames: true }
+    }
+}
+
 impl Input {
     /// The input of a verb that is run by another.
     pub(super) fn named(
@@ -60,34 +73,35 @@ impl Input {
         note: Option<&str>,
     ) -> Self {
         let owned = |path: Option<&Path>| path.map(Path::to_path_buf);
-        Self {
+        let table = TableInput {
             input: owned(latents),
             latents: None,
-            recording: owned(recording),
-            no_frames: false,
             output: owned(output),
             seed,
             note: note.map(String::from),
             rows: None,
             join: Vec::new(),
-        }
+        };
+        Self { table, recording: owned(recording), no_frames: false }
     }
 
     /// The folder that was named, if it is one.
     pub(super) fn folder(&self) -> Option<&Path> {
-        self.latents.as_deref().or(self.input.as_deref()).filter(|path| path.is_dir())
+        self.table.latents.as_deref().or(self.table.input.as_deref()).filter(|path| path.is_dir())
     }
 
     /// Where the output was asked to go.
     pub(super) fn output(&self) -> Option<PathBuf> {
-        self.output.clone()
+        self.table.output.clone()
     }
 
     /// The same with tables of the user's own beside the latents.
     pub(super) fn joined(self, tables: &[PathBuf]) -> Self {
-        Self { join: tables.to_vec(), ..self }
+        Self { table: TableInput { join: tables.to_vec(), ..self.table }, ..self }
     }
+}
 
+impl TableInput {
     /// What is asked of the table of latents; `columns` are those that the verb has a use for.
     fn asked(&self, columns: &[String]) -> anyhow::Result<Asked> {
         let rows = self.rows.as_deref().map(str::parse).transpose().map_err(|e: RowsError| wrong(e.to_string()))?;
@@ -123,7 +137,8 @@ impl Session {
         options: Value,
         columns: &[String],
     ) -> anyhow::Result<Self> {
-        let named = input.latents.clone().or_else(|| input.input.clone());
+        let table = &input.table;
+        let named = table.latents.clone().or_else(|| table.input.clone());
         let (path, how) = match &named {
             Some(path) if path.is_dir() => (newest_latents(path)?, " (the newest there)"),
             Some(path) => (path.clone(), ""),
@@ -132,19 +147,19 @@ impl Session {
                 " (the newest; name others with --latents)",
             ),
         };
-        let ReadLatents { latents, columns, remarks } = read_asked(&path, &input.asked(columns)?)?;
+        let ReadLatents { latents, columns, remarks } = read_asked(&path, &table.asked(columns)?)?;
         say(
             globals,
             format_args!("latents: {}{how}, {} rows of {} dimensions", path.display(), latents.len(), latents.dims),
         );
-        let out = input.output.clone().unwrap_or_else(|| path.parent().unwrap_or(Path::new("")).join("figures"));
+        let out = table.output.clone().unwrap_or_else(|| path.parent().unwrap_or(Path::new("")).join("figures"));
         let about = json!({
-            "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": verb, "options": options, "seed": input.seed,
-            "latents": relative_place(&path, &out), "rows": latents.len(), "where": input.rows, "dims": latents.dims,
-            "checkpoint": latents.source.checkpoint, "note": input.note,
+            "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": verb, "options": options, "seed": table.seed,
+            "latents": relative_place(&path, &out), "rows": latents.len(), "where": table.rows, "dims": latents.dims,
+            "checkpoint": latents.source.checkpoint, "note": table.note,
         });
         let outcome = Outcome { remarks, ..Outcome::default() };
-        let session = Self { latents, path, out, seed: input.seed, outcome, columns, input: input.clone(), about };
+        let session = Self { latents, path, out, seed: table.seed, outcome, columns, input: input.clone(), about };
         session.table().with_context(|| format!("these latents cannot be analysed: {}", session.path.display()))?;
         std::fs::create_dir_all(&session.out)
             .with_context(|| format!("cannot create the folder {}", session.out.display()))?;
@@ -193,7 +208,7 @@ impl Session {
 
     /// The user's note.
     pub(super) fn note(&self) -> Option<&str> {
-        self.input.note.as_deref()
+        self.input.table.note.as_deref()
     }
 
     /// Whether the user asked to go on without the recording.
@@ -203,7 +218,7 @@ impl Session {
 
     /// A heading with the user's note.
     pub(super) fn heading(&self, title: impl Into<String>) -> Heading {
-        Heading::new(title).with_note(self.input.note.clone())
+        Heading::new(title).with_note(self.input.table.note.clone())
     }
 
     /// Writes a figure and lists its files.

@@ -23,7 +23,7 @@ use vibes_measure::symmetry::{
     ReacherState, SymmetricPair, Symmetry, SymmetryOptions, matches, rotated_pairs, symmetry,
 };
 
-/// Reacher: latent distance between a row and a rotation of its state, against a row whose picture is as far away.
+/// Measure whether reacher's latents ignore rotation: distance between a row and its rotated state, against a row that looks as different.
 ///
 /// Rotations are found in the data, or made: `vibes-collect render RECORDING --rotate 90 -o TURNED`, `vibes-train encode RUN TURNED -o turned.arrow`,
 /// then `vibes-analyze symmetry LATENTS --rotated turned.arrow` compares every row with its own rotation under the same distractor.

@@ -13,9 +13,9 @@ use crate::metrics::{Metric, RETURNS};
 use crate::output::{self, Column, write_csv, write_parquet};
 use crate::scores::{Mark, RunScore, ScoreTable, Style, score_table};
 
-/// A table over runs: mean and 95% interval of any metric over any keys; the best of each column bold, those whose interval overlaps with it underlined.
+/// Write a table over runs: mean and 95% interval of any metric, by any keys.
 ///
-/// A run's metric is the mean of its last tenth. Keys are what run.json holds (`objective`, `task`, `seed`, or in full `options.model.latent`) and `run`,
+/// The best of each column is bold, and those whose interval overlaps with its are underlined. A run's metric is the mean of its last tenth. Keys are what run.json holds (`objective`, `task`, `seed`, or in full `options.model.latent`) and `run`,
 /// the folder's name; of a table of results they are its columns. Written as Markdown, LaTeX, CSV, Parquet and as a figure.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
@@ -101,6 +101,9 @@ fn metrics(options: &Options, results: &Results) -> anyhow::Result<Vec<Metric>> 
     if chosen.is_empty() {
         let list = names.into_iter().collect::<Vec<_>>().join(", ");
         return Err(wrong(format!("none of the metrics known by name is there; name one with --metrics: {list}")));
+    }
+    if let Some(idle) = options.lower.iter().find(|name| !chosen.contains(name)) {
+        return Err(wrong(format!("--lower {idle} has no effect: the table is of {}", chosen.join(", "))));
     }
     let metric = |name: &String| {
         let metric = Metric::named(name);

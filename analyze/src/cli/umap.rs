@@ -2,23 +2,22 @@
 
 use serde_json::json;
 
-use super::maps::MapOptions;
-use super::session::{Input, Session};
+use super::maps::{MapOptions, coloring, file_stem};
+use super::session::{Session, TableInput};
 use super::{Globals, Outcome};
 use crate::figures::{Coloring, Figure, Map};
-use crate::input::UserColumn;
 
-/// A map of the latents: figures coloured by step, state and reward, and map.arrow (episode, step, x, y).
+/// Draw a map of the latents, coloured by step, state, distractor and reward.
 ///
-/// The neighbour graph is kept in graph.arrow: another layout of the same latents (--min-dist, --spread, --epochs, --seed, fewer --neighbours)
-/// does not search again. --onto places new latents of the same model on an old map.
+/// map.arrow holds the places (episode, step, x, y). The neighbour graph is kept in graph.arrow, and another layout of the same latents (--min-dist,
+/// --spread, --epochs, --seed, fewer --neighbours) reuses it. --onto places new latents of the same model on an old map.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     #[command(flatten)]
-    input: Input,
+    input: TableInput,
     #[command(flatten)]
     map: MapOptions,
-    /// Columns to colour the map by beside step, state, distractor and reward: of the latents' table or of one that is joined.
+    /// Columns to colour the map by as well: of the latents' table or of one that is joined.
     #[arg(long, value_name = "COLUMN,…", value_delimiter = ',')]
     color: Vec<String>,
 }
@@ -26,11 +25,11 @@ pub(super) struct Options {
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
     let mut about = options.map.json();
     about["color"] = json!(options.color);
-    let mut session = Session::open_with(&options.input, globals, "umap", about, &options.color)?;
+    let mut session = Session::open_with(&(&options.input).into(), globals, "umap", about, &options.color)?;
     let began = std::time::Instant::now();
     let made = options.map.map(&mut session, globals)?;
     let seconds = began.elapsed().as_secs_f64();
-    for (stem, coloring, title) in colorings(&session) {
+    for (stem, coloring, title) in colorings(&session)? {
         let heading = session.heading(format!("{} latents, coloured by {title}", thousands(session.latents.len())));
         let map = Map {
             heading,
@@ -53,7 +52,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
 }
 
 /// The colourings that the table has columns for: file stem, colours, name.
-fn colorings(session: &Session) -> Vec<(String, Coloring, String)> {
+fn colorings(session: &Session) -> anyhow::Result<Vec<(String, Coloring, String)>> {
     let l = &session.latents;
     let quantity = |name: &str, values: Vec<f64>| Coloring::Quantity { name: name.into(), values };
     let mut all =
@@ -73,19 +72,10 @@ fn colorings(session: &Session) -> Vec<(String, Coloring, String)> {
             "reward".into(),
         ));
     }
-    for (name, column) in &session.columns {
-        let coloring = match column.clone() {
-            UserColumn::Numbers(values) => quantity(name, values),
-            UserColumn::Kinds { of_row, names } => Coloring::Kind { name: name.clone(), kinds: of_row, names },
-        };
-        all.push((file_stem(name), coloring, name.clone()));
+    for column in &session.columns {
+        all.push((file_stem(&column.0), coloring(column, l.len())?, column.0.clone()));
     }
-    all
-}
-
-/// A column's name as part of a file's.
-fn file_stem(name: &str) -> String {
-    name.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
+    Ok(all)
 }
 
 /// `16,064`.

@@ -231,8 +231,7 @@ fn join(flat: DataFrame, table: &Path, needed: &[String], remarks: &mut Vec<Stri
     let wanted: Vec<String> =
         needed.iter().filter(|name| flat.column(name).is_err() && file.has(name)).cloned().collect();
     if wanted.is_empty() {
-        remarks.push(format!("no column of {} is used; it has {}", table.display(), file.names().join(", ")));
-        return Ok(flat);
+        return Err(InputError::IdleJoin { found: file.names().join(", "), path: table.into() });
     }
     let all: Vec<String> = keys.iter().map(ToString::to_string).chain(wanted.iter().cloned()).collect();
     let mut other = keyed(file.read(&all)?, &keys, table)?;

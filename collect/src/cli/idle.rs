@@ -1,4 +1,4 @@
-//! Options about distractors that are not there: given, they are wrong, because they would have no effect.
+//! Options that would have no effect beside the others, as those about distractors that are not there: given, they are wrong.
 
 use vibes_command::Given;
 use vibes_env::distractors::Axes;
@@ -24,9 +24,11 @@ pub(super) fn check(given: &Given, axes: Axes) -> Result<()> {
     let idle = groups.into_iter().filter(|(is_there, ..)| !is_there);
     let mut found = idle.filter_map(|(_, options, axis)| Some((given.first_of(options.iter().copied())?, axis)));
     found.next().map_or(Ok(()), |(option, axis)| {
-        Err(Error::Selection {
-            fact: format!("{option} has no effect without such distractors"),
-            expected: format!("leave it out, or ask for them with --distract {axis}"),
-        })
+        Err(self::option(&option, "there are no such distractors", &format!("leave it out, or ask for them with --distract {axis}")))
     })
+}
+
+/// The error for an option that was given and has no effect.
+pub(super) fn option(option: &str, why: &str, expected: &str) -> Error {
+    Error::Selection { fact: format!("{option} has no effect: {why}"), expected: expected.to_owned() }
 }

@@ -7,19 +7,22 @@ use anyhow::Result;
 use clap::Args;
 use vibes_data::{EpisodeEntry, Manifest, Recording, Video};
 
-use super::{Outcome, OutputArgs, show};
+use super::{Outcome, OutputArgs, idle, show};
 
 #[derive(Debug, Args)]
 pub(super) struct InfoArgs {
     /// The recording's folder.
     path: PathBuf,
-    /// List every episode.
+    /// List every episode; --json always does.
     #[arg(long)]
     episodes: bool,
 }
 
 #[allow(clippy::print_stdout, reason = "the command line's result")]
 pub(super) fn run(args: &InfoArgs, output: OutputArgs) -> Result<Outcome> {
+    if args.episodes && output.json {
+        return Err(idle::option("--episodes", "--json lists every episode", "leave it out").into());
+    }
     let recording = Recording::open(&args.path)?;
     if output.json {
         println!("{}", serde_json::to_string_pretty(recording.manifest())?);

@@ -32,7 +32,7 @@ pub(super) struct RecordArgs {
     given: Given,
     #[arg(long, help = format!("Task: {} [default: that of a trained run, or reacher-easy]", vibes_env::task_help()))]
     task: Option<String>,
-    /// State trajectories × distractor trajectories, as in 10x10.
+    /// A grid: every state trajectory under every distractor trajectory, as in 10x10.
     #[arg(long, value_parser = parse_grid, conflicts_with = "episodes")]
     grid: Option<Grid>,
     /// Independent episodes, each with its own distractors [default: 10].
@@ -59,7 +59,7 @@ pub(super) struct RecordArgs {
     /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS [default: the built-in procedural videos].
     #[arg(long, value_name = "DIR")]
     videos: Option<PathBuf>,
-    /// train or val.
+    /// Which videos: train, or val for held-out ones.
     #[arg(long, default_value = "train")]
     video_set: VideoSet,
     /// Number of videos [default: the suite's for the difficulty: 4, 8 or all].
@@ -68,10 +68,10 @@ pub(super) struct RecordArgs {
     /// Side of the pictures, pixels.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=2048))]
     size: u32,
-    /// Record no pictures, only states (for tasks from vectors).
-    #[arg(long)]
+    /// Record no pictures, only states and vector observations.
+    #[arg(long, conflicts_with_all = ["size", "render"])]
     no_pixels: bool,
-    /// fast, or suite for pixels as the Distracting Control Suite's own.
+    /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite pixel by pixel.
     #[arg(long, default_value = "fast")]
     render: Look,
     /// Control steps per agent step [default: the task's].
@@ -83,7 +83,7 @@ pub(super) struct RecordArgs {
     /// One torque per joint for the swimmer, instead of its four-parameter wave.
     #[arg(long)]
     raw_torques: bool,
-    /// The seed of everything.
+    /// The seed that everything random follows from.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     #[command(flatten)]
@@ -97,9 +97,6 @@ pub(super) struct RecordArgs {
     /// The recording's folder [default: recordings/TASK-NxM or recordings/TASK-N].
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Options from a TOML file; its keys are the long options, and what is typed overrides it.
-    #[arg(long, value_name = "FILE.toml")]
-    config: Option<PathBuf>,
 }
 
 /// `10x10`, with x, X or ×.
@@ -125,6 +122,9 @@ impl RecordArgs {
         let action_repeat = self.action_repeat.or(home.action_repeat);
         let options = EnvironmentOptions { action_repeat, raw_torques: self.raw_torques };
         let environment = Environment::new(&task, options)?;
+        if self.raw_torques && !Environment::new(&task, EnvironmentOptions::default())?.acts_by_waves() {
+            return Err(idle::option("--raw-torques", &format!("{task} always takes torques"), "leave it out").into());
+        }
         let mix = self.mix.clone().unwrap_or_else(|| PolicyMix::of(self.policy.clone()));
         let episodes =
             self.grid.map_or(self.episodes.unwrap_or(DEFAULT_EPISODES), |grid| grid.states * grid.distractors);

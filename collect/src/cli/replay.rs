@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use clap::Args;
+use vibes_command::Given;
 use vibes_data::Recording;
 
 use super::replay_distractors::{self, Pictures};
-use super::{Outcome, OutputArgs};
+use super::{Outcome, OutputArgs, idle};
 use crate::distractor_trace::FORMAT as DISTRACTOR_FORMAT;
 use crate::frames::draw_frames;
 use crate::replay::{EpisodeErrors, environment_of_spec, replay_episode};
@@ -17,18 +18,20 @@ use vibes_env::{Environment, EnvironmentOptions};
 
 #[derive(Debug, Args)]
 pub(super) struct ReplayArgs {
-    /// A trace in the vibes-trace/1 format, a vibes-distractor-trace/1, or a recording.
+    #[command(flatten)]
+    given: Given,
+    /// A trace in the format vibes-trace/1 or vibes-distractor-trace/1, or a recording.
     trace: PathBuf,
     /// Which episode of a recording.
     #[arg(long, value_name = "N", default_value_t = 0)]
     episode: u32,
-    /// Write what this simulator makes of it, in the same format.
+    /// Write what this simulator computes, in the format vibes-trace/1.
     #[arg(long, value_name = "GOT.json")]
     out: Option<PathBuf>,
     /// Largest error that still counts as agreement.
     #[arg(long, default_value_t = 1e-9)]
     tolerance: f64,
-    /// Draw every step without distractors into this folder, one PNG each.
+    /// Draw every step without distractors into this folder, one PNG each (not of a distractor trace).
     #[arg(long, value_name = "DIR")]
     frames: Option<PathBuf>,
     /// Side of those pictures, pixels.
@@ -37,7 +40,7 @@ pub(super) struct ReplayArgs {
     /// Folder with a distractor trace's video: draw its pictures too, and compare them.
     #[arg(long, value_name = "DIR")]
     videos: Option<PathBuf>,
-    /// The look of pictures: suite, or fast. A distractor trace's may be 2 levels of 255 off, or have at least 28 dB.
+    /// The look of the pictures: suite, or fast. Those of a distractor trace agree: suite if it is off by at most 2 of 255 on average, and fast if it has a PSNR of at least 28 dB.
     #[arg(long, default_value = "suite")]
     render: Look,
 }
@@ -55,12 +58,20 @@ fn is_distractor_trace(path: &PathBuf) -> Result<bool> {
 
 pub(super) fn run(args: &ReplayArgs, output: OutputArgs) -> Result<Outcome> {
     if args.trace.is_dir() {
+        args.refuse(&["videos"], "a recording is replayed without its videos")?;
         return replay_recording(args, output);
     }
     if is_distractor_trace(&args.trace)? {
+        let why = "a trace of distractors is compared, and nothing of it written or drawn into a folder";
+        args.refuse(&["episode", "out", "frames", "size"], why)?;
+        if args.videos.is_none() {
+            args.refuse(&["render"], "without --videos no picture is drawn")?;
+        }
         let pictures = args.videos.as_deref().map(|videos| Pictures { videos, look: args.render });
         return replay_distractors::run(&args.trace, args.tolerance, pictures, output);
     }
+    args.refuse(&["episode", "videos"], "a trace has one episode and no videos")?;
+    args.refuse_pictures()?;
     let trace = Trace::read(&args.trace)?;
     let got = trace.replay()?;
     let mut environment = Environment::new(&trace.task, EnvironmentOptions::default())?;
@@ -72,6 +83,7 @@ pub(super) fn run(args: &ReplayArgs, output: OutputArgs) -> Result<Outcome> {
 
 /// Simulates one episode of a recording again.
 fn replay_recording(args: &ReplayArgs, output: OutputArgs) -> Result<Outcome> {
+    args.refuse_pictures()?;
     let recording = Recording::open(&args.trace)?;
     let again = replay_episode(&recording, args.episode)?;
     let mut environment = environment_of_spec(&recording.manifest().spec)?;
@@ -87,6 +99,17 @@ fn replay_recording(args: &ReplayArgs, output: OutputArgs) -> Result<Outcome> {
 }
 
 impl ReplayArgs {
+    /// Refuses options that have no effect on what is replayed.
+    fn refuse(&self, options: &[&str], why: &str) -> crate::Result<()> {
+        let given = self.given.first_of(options.iter().copied());
+        given.map_or(Ok(()), |option| Err(idle::option(&option, why, "leave it out")))
+    }
+
+    /// Refuses options about pictures where none are drawn.
+    fn refuse_pictures(&self) -> crate::Result<()> {
+        if self.frames.is_some() { Ok(()) } else { self.refuse(&["size", "render"], "pictures are drawn with --frames") }
+    }
+
     /// The trace and the pictures, where they are asked for.
     fn write(&self, environment: &mut Environment, got: &Trace, positions: &[Vec<f64>]) -> Result<()> {
         if let Some(path) = &self.out {
