@@ -18,7 +18,7 @@ step "Recording training episodes: random, noisy and good behaviour, training vi
 vibes-collect --task cartpole-swingup --episodes 80 --mix random:0.2,planner:noise=1:0.4,planner:noise=0.4:0.4 \
     --video-set train --video-count 90 --seed 1 -o "$train"
 
-step "Drawing them again under other distractors: pictures are cheaper than planning"
+step "Drawing the same episodes under other distractors as well"
 for view in 1 2; do
     vibes-collect render "$train" --seed "10$view" --video-set train --video-count 90 --no-mcap -o "$again-$view"
 done
