@@ -452,7 +452,8 @@ fn a_users_own_columns_are_fitted_on_other_latents() {
     let out = folder();
     let judged = heights(out.path(), "judged.csv", |first| first.to_string());
     let fit = GRID.latents();
-    let words = ["probe", "-o", text(out.path()), "--join", text(&judged), "--target", "height,half", "--fit", text(&fit)];
+    let words =
+        ["probe", "-o", text(out.path()), "--join", text(&judged), "--target", "height,half", "--fit", text(&fit)];
     let score = |quantity: &str| {
         let probes = json(&out.path().join("probes.json"));
         let all = probes["latent"].as_array().expect("scores").clone();

@@ -187,11 +187,18 @@ fn open_to_fit(path: &Path, options: &Options, session: &mut Session) -> anyhow:
     let usable = usable(&read).0;
     let kept: Vec<usize> = usable.iter().copied().filter(|&row| columns.iter().all(|c| c.1.has(row))).collect();
     if kept.is_empty() {
-        return Err(wrong(format!("no row of the latents to fit on has a value of {}: {}", asked.columns.join(" and "), path.display())));
+        return Err(wrong(format!(
+            "no row of the latents to fit on has a value of {}: {}",
+            asked.columns.join(" and "),
+            path.display()
+        )));
     }
     if kept.len() < usable.len() {
         let without = usable.len() - kept.len();
-        session.remark(format!("{without} rows of the latents to fit on have no value of {} and were left out", asked.columns.join(" or ")));
+        session.remark(format!(
+            "{without} rows of the latents to fit on have no value of {} and were left out",
+            asked.columns.join(" or ")
+        ));
     }
     let targets = columns.iter().map(|(name, column)| target(name, column, &kept)).collect();
     let latents = chosen(&read, &kept);

@@ -171,7 +171,8 @@ fn heights(points: &[[f64; 2]]) -> Vec<f64> {
 
 /// Four kinds, of which some rows have none.
 fn weather(points: &[[f64; 2]]) -> Coloring {
-    let kinds = points.iter().enumerate().map(|(i, p)| (i % 250 > 20).then_some((p[1].abs() * 4.0) as u32 % 4)).collect();
+    let kinds =
+        points.iter().enumerate().map(|(i, p)| (i % 250 > 20).then_some((p[1].abs() * 4.0) as u32 % 4)).collect();
     let names = ["clear", "cloudy", "fog that lasts all day", "rain"].map(String::from).to_vec();
     Coloring::Kind { name: "weather".into(), kinds, names }
 }

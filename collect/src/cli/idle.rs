@@ -24,7 +24,11 @@ pub(super) fn check(given: &Given, axes: Axes) -> Result<()> {
     let idle = groups.into_iter().filter(|(is_there, ..)| !is_there);
     let mut found = idle.filter_map(|(_, options, axis)| Some((given.first_of(options.iter().copied())?, axis)));
     found.next().map_or(Ok(()), |(option, axis)| {
-        Err(self::option(&option, "there are no such distractors", &format!("leave it out, or ask for them with --distract {axis}")))
+        Err(self::option(
+            &option,
+            "there are no such distractors",
+            &format!("leave it out, or ask for them with --distract {axis}"),
+        ))
     })
 }
 

@@ -107,7 +107,11 @@ impl ReplayArgs {
 
     /// Refuses options about pictures where none are drawn.
     fn refuse_pictures(&self) -> crate::Result<()> {
-        if self.frames.is_some() { Ok(()) } else { self.refuse(&["size", "render"], "pictures are drawn with --frames") }
+        if self.frames.is_some() {
+            Ok(())
+        } else {
+            self.refuse(&["size", "render"], "pictures are drawn with --frames")
+        }
     }
 
     /// The trace and the pictures, where they are asked for.
