@@ -641,6 +641,9 @@ fn a_recording_that_is_gone_or_another_is_not_passed_over_silently() {
         "{error}"
     );
     good(fixture.path(), &["nn", "-k", "2", "--recording", "moved/discs"]);
+    good(fixture.path(), &["report", "runs/discs", "--recording", "moved/discs", "--points", "20", "-o", "page"]);
+    let page = std::fs::read_to_string(fixture.path().join("page/report.html")).expect("page");
+    assert!(page.contains("UMAP 1") && !page.contains("unexpected argument"));
     good(fixture.path(), &["nn", "-k", "2", "--no-frames"]);
     assert!(bad(fixture.path(), &["nn", "--recording", "nowhere"], 1).contains("no recording here"));
     assert!(bad(fixture.path(), &["probe", "--no-frames"], 2).contains("needs the recording"));

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use clap::Parser;
+use clap::{CommandFactory as _, Parser};
 use serde_json::{Value, json};
 
 use super::maps::MapOptions;
@@ -167,15 +167,16 @@ fn answer(options: &Options, words: &[&str], folder: &Path, mut section: Section
     let folder = folder.display().to_string();
     let typed = [&["vibes-analyze"], words, &["--quiet", "-o", &folder]].concat();
     let mut typed: Vec<String> = typed.into_iter().map(String::from).collect();
-    // Nothing is drawn in these.
-    if !["curves", "decode"].contains(&words[0]) {
+    // A verb refuses options that it has no use for.
+    let verb = Cli::command().find_subcommand(words[0]).cloned().unwrap_or_default();
+    let takes = |option: &str| verb.get_arguments().any(|argument| argument.get_id() == option);
+    if takes("seed") {
         typed.extend(["--seed".into(), options.seed.to_string()]);
     }
     if let Some(note) = &options.note {
         typed.extend(["--note".into(), note.clone()]);
     }
-    if let Some(recording) = options.recording.as_ref().filter(|_| !["curves", "compare", "decode"].contains(&words[0]))
-    {
+    if let Some(recording) = options.recording.as_ref().filter(|_| takes("recording")) {
         typed.extend(["--recording".into(), recording.display().to_string()]);
     }
     let outcome = Cli::try_parse_from(typed).map_err(anyhow::Error::from).and_then(|cli| dispatch(&cli));
