@@ -9,6 +9,7 @@
 //! | [`observe`], [`cnn`], [`mlp`], [`gru`], [`linear`] | the layers they are made of |
 //! | [`actor`], [`actions`] | who acts, and the distribution that is drawn from |
 //! | [`critic`], [`values`] | what it is worth, and the distribution of returns |
+//! | [`guard`] | reward heads whose disagreement says where the reward model is not to be believed |
 //! | [`imagine`], [`returns`] | acting in the learned dynamics, and the returns of it |
 //! | [`kernels`] | the operations that decide how long an update takes |
 //! | [`gaussian`] | the distributions they predict |
@@ -40,6 +41,7 @@ pub mod encoder;
 pub mod error;
 pub mod gaussian;
 pub mod gru;
+pub mod guard;
 pub mod heads;
 pub mod imagine;
 pub mod init;

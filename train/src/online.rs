@@ -6,7 +6,8 @@
 //! replay/                            what was lived through, one episode a file
 //! checkpoints/000500/
 //!     behaviour.safetensors          actor, critic, slow critic
-//!     behaviour_optimizer.safetensors   Adam's moments of both
+//!     guard.safetensors              the guard's reward heads, where there is one
+//!     behaviour_optimizer.safetensors   Adam's moments of them
 //!     online.json                    counters, fractional credit, return scale
 //! ```
 //!
@@ -28,6 +29,7 @@ use vibes_model::actions::Choice;
 use vibes_model::agent::Agent;
 use vibes_model::behaviour::Behaviour;
 use vibes_model::checkpoint::{load_tensors, save_tensors};
+use vibes_model::guard::Guard;
 use vibes_model::returns::ReturnScale;
 use vibes_model::trained::TrainedAgent;
 
@@ -105,10 +107,18 @@ pub struct OnlineState {
     pub actor_steps: u64,
     /// Adam's steps of the critic.
     pub critic_steps: u64,
+    /// Adam's steps of the guard; 0 without one.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub guard_steps: u64,
     /// What returns are divided by.
     pub scale: ReturnScale,
     /// Whether the last evaluation has been made.
     pub is_finished: bool,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_zero(steps: &u64) -> bool {
+    *steps == 0
 }
 
 /// A line of `metrics.jsonl`: the world model's numbers, and those of a round.
@@ -136,6 +146,12 @@ pub struct Line {
     pub return_scale: f64,
     /// Entropy of the actor, nats.
     pub entropy: f64,
+    /// Mean disagreement of the guard's members over imagined rows, in units of reward.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub disagreement: Option<f64>,
+    /// The same over recorded rows, of which half the members have seen each.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recorded_disagreement: Option<f64>,
     /// Loss of the critic.
     pub critic_loss: f64,
     /// Norm of the actor's gradient.
@@ -236,7 +252,8 @@ impl Training<'_> {
         let mut rng = ChaCha8Rng::seed_from_u64(run.info().options.seed);
         rng.set_stream(1 << 63);
         let behaviour = Behaviour::init(&run.info().model, options.behaviour.config(), &mut rng, device);
-        Ok((learner, BehaviourLearner::new(behaviour, device)))
+        let guard = options.behaviour.guard(&run.info().model, &mut rng, device);
+        Ok((learner, BehaviourLearner::new(behaviour, device).guarded(guard)))
     }
 
     fn run(
@@ -363,6 +380,10 @@ impl Training<'_> {
         let mean = |of: &dyn Fn(&BehaviourMeasures) -> f32| {
             round.measures.iter().map(|measures| f64::from(of(measures))).sum::<f64>() / count
         };
+        let disagreement = |place: usize| {
+            let mut of = round.measures.iter().map(|measures| measures.disagreement);
+            of.try_fold(0.0, |sum, apart| apart.map(|apart| sum + f64::from(apart[place]) / count))
+        };
         let norms: Vec<f32> = round.measures.iter().filter_map(|measures| measures.actor_gradient_norm).collect();
         let repeat = f64::from(options.world.action_repeat);
         let bound = repeat / (1.0 - options.behaviour.discount).max(1e-6);
@@ -379,6 +400,8 @@ impl Training<'_> {
             value_over_bound: value / bound,
             return_scale: mean(&|measures| measures.return_scale),
             entropy: mean(&|measures| measures.entropy),
+            disagreement: disagreement(0),
+            recorded_disagreement: disagreement(1),
             critic_loss: mean(&|measures| measures.critic_loss),
             actor_gradient_norm: (!norms.is_empty())
                 .then(|| norms.iter().map(|&norm| f64::from(norm)).sum::<f64>() / norms.len() as f64),
@@ -430,12 +453,14 @@ impl Training<'_> {
         behaviour: &BehaviourLearner,
         listen: &mut dyn FnMut(Event<'_>) -> Go,
     ) -> Result<()> {
-        if let Some(value) = behaviour.behaviour.first_not_finite() {
-            let error = TrainError::NotFinite { what: "a weight of actor or critic", value };
+        let guard = behaviour.guard.as_ref().and_then(|guard| guard.guard.first_not_finite());
+        if let Some(value) = behaviour.behaviour.first_not_finite().or(guard) {
+            let error = TrainError::NotFinite { what: "a weight of actor, critic or guard", value };
             return Err(self.setup.run.diverged(error, self.session.state.update));
         }
         self.state.actor_steps = behaviour.actor_optimizer.steps();
         self.state.critic_steps = behaviour.critic_optimizer.steps();
+        self.state.guard_steps = behaviour.guard.as_ref().map_or(0, |guard| guard.optimizer.steps());
         self.state.scale = behaviour.scale;
         self.replay.complete()?;
         let state = self.state;
@@ -460,6 +485,7 @@ struct Resumed {
 }
 
 const BEHAVIOUR: &str = "behaviour.safetensors";
+const GUARD: &str = "guard.safetensors";
 const MOMENTS: &str = "behaviour_optimizer.safetensors";
 const STATE: &str = "online.json";
 
@@ -467,6 +493,10 @@ fn save_behaviour(folder: &Path, learner: &BehaviourLearner, state: OnlineState)
     learner.behaviour.save(&folder.join(BEHAVIOUR))?;
     let mut moments = learner.actor_optimizer.to_tensors("actor");
     moments.extend(learner.critic_optimizer.to_tensors("critic"));
+    if let Some(guard) = &learner.guard {
+        guard.guard.save(&folder.join(GUARD))?;
+        moments.extend(guard.optimizer.to_tensors("guard"));
+    }
     save_tensors(&folder.join(MOMENTS), &moments, HashMap::new())?;
     write_json(&folder.join(STATE), &state)
 }
@@ -480,10 +510,15 @@ fn resume(run: &Run, device: &Device) -> Result<Option<Resumed>> {
     let online: OnlineState = serde_json::from_str(&text)
         .map_err(|error| malformed(&file, error, "an online.json as `vibes-train online` writes it"))?;
     let behaviour = Behaviour::load(&folder.join(BEHAVIOUR), &run.info().model, device)?;
-    let mut behaviour = BehaviourLearner::new(behaviour, device);
+    let is_guarded = folder.join(GUARD).is_file();
+    let guard = is_guarded.then(|| Guard::load(&folder.join(GUARD), &run.info().model, device)).transpose()?;
+    let mut behaviour = BehaviourLearner::new(behaviour, device).guarded(guard);
     let (moments, _) = load_tensors(&folder.join(MOMENTS))?;
     behaviour.actor_optimizer.restore("actor", &moments, online.actor_steps, device);
     behaviour.critic_optimizer.restore("critic", &moments, online.critic_steps, device);
+    if let Some(guard) = &mut behaviour.guard {
+        guard.optimizer.restore("guard", &moments, online.guard_steps, device);
+    }
     behaviour.scale = online.scale;
     Ok(Some(Resumed { learner, behaviour, world, online }))
 }

@@ -84,7 +84,7 @@ impl<'a> Session<'a> {
         let (learner, mut measures) = made.map_err(|error| self.run.diverged(error, number))?;
         self.state.gate = self.state.gate.after(f64::from(measures.reward), measures.reward_baseline.map(f64::from));
         let rows = (windows.length * windows.batch) as u64;
-        let replayed = measures.take_replayed(&batch, windows.rewards);
+        let replayed = measures.take_replayed(&batch, &windows);
         self.averages.add(measures, rows, begun.elapsed(), waited);
         self.state.update += 1;
         self.state.seconds += begun.elapsed().as_secs_f64();

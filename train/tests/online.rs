@@ -86,14 +86,19 @@ fn a_run_counts_in_both_units_and_leaves_a_sound_recording() {
 
 #[test]
 fn however_often_it_is_killed_the_same_command_ends_with_the_same_bytes() {
-    let folder = tempfile::tempdir().unwrap();
-    let [undisturbed, killed] = ["undisturbed", "killed"].map(|name| folder.path().join(name));
-    let output = run(&undisturbed, &WHOLE);
-    assert!(output.status.success(), "{}", text(&output));
-    // From before anything is there to beyond a checkpoint.
-    let kills = kill_until_done(|| command(&killed, &WHOLE), 50..400);
-    assert!(kills >= 3, "{kills} kills");
-    assert_same(&undisturbed, &killed, &format!("after {kills} kills"));
+    for guard in ["0", "2"] {
+        let folder = tempfile::tempdir().unwrap();
+        let [undisturbed, killed] = ["undisturbed", "killed"].map(|name| folder.path().join(name));
+        let asked = [&WHOLE[..], &["--guard", guard]].concat();
+        let output = run(&undisturbed, &asked);
+        assert!(output.status.success(), "{}", text(&output));
+        let line = lines(&undisturbed.join("metrics.jsonl")).pop().unwrap();
+        assert_eq!(line["disagreement"].as_f64().is_some_and(|apart| apart > 0.0), guard != "0", "{line}");
+        // From before anything is there to beyond a checkpoint.
+        let kills = kill_until_done(|| command(&killed, &asked), 50..400);
+        assert!(kills >= 3, "{kills} kills");
+        assert_same(&undisturbed, &killed, &format!("after {kills} kills, --guard {guard}"));
+    }
 }
 
 #[test]
@@ -112,6 +117,10 @@ fn what_cannot_be_is_refused_with_what_would_be_right() {
     assert!(refused(&["--task", "reacher-easy", "--rows-per-step", "0"]).contains("above 0"));
     let other = refused(&["--task", "reacher-easy", "--protocol", "dcs-easy-dynamic-500k", "--action-repeat", "2"]);
     assert!(other.contains("action repeat 4, not 2"), "{other}");
+    assert!(refused(&["--task", "reacher-easy", "--guard", "-1"]).contains("0 or more"));
+    assert!(refused(&["--task", "reacher-easy", "--guard", "1", "--guard-members", "1"]).contains("two to disagree"));
+    assert!(refused(&["--task", "reacher-easy", "--guard-members", "3"]).contains("--guard-members has no effect"));
+    assert!(refused(&["--task", "reacher-easy", "--agent", "sac", "--guard", "1"]).contains("--guard has no effect"));
     let missing = refused(&["--task", "reacher-easy", "--videos", "no-such-folder"]);
     assert!(missing.contains("no-such-folder"), "{missing}");
     // A run that is there keeps its options.

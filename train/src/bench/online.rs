@@ -67,8 +67,9 @@ pub fn bench_online(
     let sizes = Sizes { picture, actions: spec.action_len(), repeats };
     let config = options.model(&spec, ObservationKind::Pixels { height: picture, width: picture }, 1.0);
     let behaviour = Behaviour::init(&config, online.behaviour.config(), &mut rng, device);
+    let guard = online.behaviour.guard(&config, &mut rng, device);
     let mut learner = Learner::new(Model::init(config, &mut rng, device)?, options, device);
-    let mut behaviour = BehaviourLearner::new(behaviour, device);
+    let mut behaviour = BehaviourLearner::new(behaviour, device).guarded(guard);
     let windows = made_up_windows(options, sizes, &mut rng);
     let autodiff = device.clone().autodiff();
     let (mut worlds, mut behaviours, mut phases, mut made) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -81,7 +82,7 @@ pub fn bench_online(
         worlds.push(ms(begun));
         phases.push(measures.phases);
         let begun = Instant::now();
-        let rows = measures.take_replayed(&batch, windows.rewards.clone());
+        let rows = measures.take_replayed(&batch, &windows);
         let (next, measures) = behaviour.update(&learner.model.world, &rows, &online.behaviour, true, &mut rng)?;
         behaviour = next;
         behaviours.push(ms(begun));

@@ -175,6 +175,13 @@ struct BehaviourArgs {
     /// Imagination starts from every Nth row of a window.
     #[arg(long, value_name = "N")]
     every_start: Option<usize>,
+    /// Take from imagined rewards so many standard deviations over a few small reward heads, each of which learns from half the episodes: against an actor that goes where
+    /// the reward model is too high because it has seen little there [default: 0, no guard].
+    #[arg(long, value_name = "X")]
+    guard: Option<f64>,
+    /// Reward heads of the guard [default: 5].
+    #[arg(long, value_name = "N")]
+    guard_members: Option<usize>,
 }
 
 fn parse_gradient(text: &str) -> std::result::Result<Gradient, String> {
@@ -207,7 +214,7 @@ impl OnlineArgs {
     }
 
     /// That nothing was given that this agent, or a world like this, does not look at.
-    fn check_given(&self, is_model_free: bool, world: &WorldOptions) -> Result<()> {
+    fn check_given(&self, is_model_free: bool, options: &OnlineOptions) -> Result<()> {
         let of_other: Vec<String> = if is_model_free {
             let work = ["rows_per_step", "given_share", "first_updates", "critic_first", "short_horizon", "short_for"];
             let work = work.into_iter().map(str::to_owned);
@@ -217,7 +224,7 @@ impl OnlineArgs {
             options_of::<ModelFreeArgs>().into_iter().filter(|option| option != "agent").collect()
         };
         let agent = if is_model_free { "without a world model" } else { "with a world model (--agent dreamer)" };
-        let axes = world.distractors.axes;
+        let axes = options.world.distractors.axes;
         let background: &[&str] = if axes.background { &[] } else { &["videos", "video_count"] };
         let any: &[&str] = if axes == Axes::NONE { &["difficulty", "static"] } else { &[] };
         let idle = |option: Option<String>, where_: String| match option {
@@ -225,6 +232,8 @@ impl OnlineArgs {
             None => Ok(()),
         };
         idle(self.given.first_of(of_other.iter().map(String::as_str)), format!("for an agent {agent}"))?;
+        let unguarded: &[&str] = if options.behaviour.guard > 0.0 { &[] } else { &["guard_members"] };
+        idle(self.given.first_of(unguarded.iter().copied()), "without a guard (--guard)".to_owned())?;
         let distractors = [background, any].concat();
         Ok(idle(self.given.first_of(distractors), "without such distractors (--distract)".to_owned())?)
     }
@@ -234,7 +243,7 @@ impl OnlineArgs {
         if let Some(found) = self.from.run.as_deref().map(Folder::open).transpose()?.flatten() {
             let mut options = found.options().clone();
             self.lay_over(&mut options.online)?;
-            self.check_given(true, &options.online.world)?;
+            self.check_given(true, &options.online)?;
             let settled = options_of::<ModelFreeArgs>();
             if let Some(option) = self.given.first_of(settled.iter().map(String::as_str)) {
                 let text = format!("{option} has no effect on a run that is there; leave it out, or begin another");
@@ -253,7 +262,7 @@ impl OnlineArgs {
         world.size = self.model_free.picture_size()?.or(world.size);
         let mut options = prepare::default_options(world, false);
         self.lay_over(&mut options)?;
-        self.check_given(true, &options.world)?;
+        self.check_given(true, &options)?;
         let seed = self.options.resolve()?.seed;
         Ok(Some(self.model_free.prepare(self.output.as_deref(), seed, options)?))
     }
@@ -264,7 +273,7 @@ impl OnlineArgs {
             let model = self.options.resolve()?;
             let mut options = prepare::default_options(prepare::default_world(task)?, false);
             self.lay_over(&mut options)?;
-            self.check_given(false, &options.world)?;
+            self.check_given(false, &options)?;
             let folder = format!("runs/{task}-online-{}", model.objective);
             let output = self.output.clone().unwrap_or_else(|| PathBuf::from(folder));
             return Ok(prepare::from_nothing(&output, &model, options)?);
@@ -274,12 +283,12 @@ impl OnlineArgs {
         let model = self.options.over(&found.info().options)?;
         if let Some(mut options) = OnlineOptions::read(path)? {
             self.lay_over(&mut options)?;
-            self.check_given(false, &options.world)?;
+            self.check_given(false, &options)?;
             return Ok(prepare::again(path, &model, options)?);
         }
         let mut options = prepare::default_options(world_of(&found)?, true);
         self.lay_over(&mut options)?;
-        self.check_given(false, &options.world)?;
+        self.check_given(false, &options)?;
         let output = self.output.clone().unwrap_or_else(|| beside(path));
         Ok(prepare::from_run(&output, &found, &model, options)?)
     }
@@ -353,6 +362,8 @@ impl BehaviourArgs {
         put(&mut options.actor_lr, self.actor_lr);
         put(&mut options.critic_lr, self.critic_lr);
         put(&mut options.every_start, self.every_start);
+        put(&mut options.guard, self.guard);
+        put(&mut options.guard_members, self.guard_members);
         Ok(())
     }
 }

@@ -2,7 +2,7 @@
 //! step each, and what was measured.
 //!
 //! Imagination starts from every counted row. The actor maximises the λ-returns of its actions, by the gradient that flows back through the frozen dynamics
-//! and reward model or by REINFORCE; the critic predicts them. Neither's gradient reaches the world model.
+//! and reward model or by REINFORCE; the critic predicts them. Neither's gradient reaches the world model. With a [`guard`], imagined rewards are lower where little was seen.
 
 use std::time::Instant;
 
@@ -11,6 +11,7 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use rand::Rng;
 use vibes_model::World;
 use vibes_model::behaviour::Behaviour;
+use vibes_model::guard::Guard;
 use vibes_model::imagine::{Imagination, ImaginationNoise, Learned, Starts, imagine};
 use vibes_model::parameters::to_values;
 use vibes_model::returns::{ReturnScale, lambda_returns};
@@ -20,8 +21,10 @@ use crate::learners::number::{finite, scalar};
 use crate::learners::optimizer::{NamedGradients, Optimizer};
 
 pub mod foresight;
+pub mod guard;
 pub mod options;
 
+use guard::GuardLearner;
 pub use options::{BehaviourOptions, Gradient};
 
 /// Rows of windows as the world model's update leaves them: without autodiff, time-major.
@@ -37,6 +40,8 @@ pub struct Replayed {
     pub rewards: Vec<f32>,
     /// Whether a row counts, or only warmed up the hidden states: `[length, batch]`
     pub counted: Vec<bool>,
+    /// The number of each window's episode in its recording: `[batch]`
+    pub episodes: Vec<u32>,
 }
 
 /// Actor and critic in training.
@@ -50,6 +55,8 @@ pub struct BehaviourLearner {
     pub critic_optimizer: Optimizer,
     /// What returns are divided by.
     pub scale: ReturnScale,
+    /// Who guards against rewards that are imagined too high, where that is asked for.
+    pub guard: Option<GuardLearner>,
     device: Device,
 }
 
@@ -58,8 +65,10 @@ pub struct BehaviourLearner {
 pub struct BehaviourMeasures {
     /// Mean λ-return.
     pub imagined_return: f32,
-    /// Mean imagined reward of a step.
+    /// Mean imagined reward of a step, what a guard takes from it not taken.
     pub imagined_reward: f32,
+    /// Mean disagreement of the guard's members over imagined rows and over recorded ones, in units of reward; none without a guard.
+    pub disagreement: Option<[f32; 2]>,
     /// Mean value of the first rows.
     pub value: f32,
     /// What returns were divided by.
@@ -91,6 +100,8 @@ pub struct BehaviourPhases {
 struct Judged {
     imagined: Imagination,
     entropy: Tensor<2>,
+    /// Of the guard's members: `[horizon, rows]`
+    disagreement: Option<Tensor<2>>,
     /// `[horizon + 1, rows]`
     values: Tensor<2>,
     /// `[horizon, rows]`
@@ -106,8 +117,15 @@ impl BehaviourLearner {
             actor_optimizer: optimizer(),
             critic_optimizer: optimizer(),
             scale: ReturnScale::default(),
+            guard: None,
             device: device.clone().inner(),
         }
+    }
+
+    /// The same, guarded.
+    #[must_use]
+    pub fn guarded(self, guard: Option<Guard>) -> Self {
+        Self { guard: guard.map(GuardLearner::new), ..self }
     }
 
     /// Makes one update. With `actor_learns` false only the critic steps: before the actor moves, its values should mean something.
@@ -129,6 +147,7 @@ impl BehaviourLearner {
         let sizes = [self.behaviour.actor.mlp.last.bias.dims()[0] / 2, starts.latents.dims()[1]];
         let noise = ImaginationNoise::draw([options.horizon, chosen.len()], sizes, rng, &self.device);
         let learned = Learned { dynamics: &dynamics, reward: &reward };
+        let recorded = self.guard.as_mut().map(|guard| guard.step(rows, options, &self.device)).transpose()?;
         let judged = self.judge(&learned, starts, &noise, options, actor_learns);
         let returns = judged.returns.clone().inner();
         let numbers = to_values(returns.clone());
@@ -137,6 +156,11 @@ impl BehaviourLearner {
         let mut measures = BehaviourMeasures {
             imagined_return: mean(&numbers),
             imagined_reward: scalar(&judged.imagined.rewards.clone().inner().mean()),
+            disagreement: judged
+                .disagreement
+                .clone()
+                .zip(recorded)
+                .map(|(apart, recorded)| [scalar(&apart.inner().mean()), recorded]),
             value: scalar(&judged.values.clone().inner().narrow(0, 0, 1).mean()),
             return_scale: self.scale.divisor() as f32,
             entropy: scalar(&judged.entropy.clone().inner().mean()),
@@ -179,8 +203,13 @@ impl BehaviourLearner {
         let judge = if options.slow_target { self.behaviour.slow.clone() } else { self.behaviour.critic.valid() };
         let [rows, count, width] = imagined.features.dims();
         let values = judge.values(imagined.features.clone().reshape([rows * count, width])).reshape([rows, count]);
-        let returns = lambda_returns(imagined.rewards.clone(), values.clone(), options.discount, options.lambda);
-        Judged { imagined, entropy, values, returns }
+        let disagreement = self.guard.as_ref().map(|guard| guard.disagreement(&imagined));
+        let rewards = match disagreement.clone() {
+            Some(disagreement) => imagined.rewards.clone() - disagreement * options.guard,
+            None => imagined.rewards.clone(),
+        };
+        let returns = lambda_returns(rewards, values.clone(), options.discount, options.lambda);
+        Judged { imagined, entropy, disagreement, values, returns }
     }
 
     /// To be minimised: minus the mean weighted return in units of the scale, minus the entropy by its weight.
@@ -321,13 +350,13 @@ impl Replayed {
         states_after: Tensor<3>,
         actions: Tensor<3>,
         rewards: Vec<f32>,
-        counted: Vec<bool>,
+        (counted, episodes): (Vec<bool>, Vec<u32>),
     ) -> Self {
         let after = states_after.inner();
         let [_, batch, width] = after.dims();
         let first = Tensor::<3>::zeros([1, batch, width], &after.device());
         let states = Tensor::cat(vec![first, after], 0);
-        Self { latents: latents.inner(), states, actions: actions.inner(), rewards, counted }
+        Self { latents: latents.inner(), states, actions: actions.inner(), rewards, counted, episodes }
     }
 }
 

@@ -10,6 +10,7 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use vibes_data::WindowBatch;
 use vibes_model::Model;
 use vibes_model::parameters::to_values;
 
@@ -78,14 +79,15 @@ pub struct Phases {
 }
 
 impl Measures {
-    /// The rows of the update's batch, for an actor and a critic to start from.
+    /// The rows of the update's batch, which was made of these windows, for an actor and a critic to start from.
     ///
     /// # Panics
     /// They were taken before.
-    pub fn take_replayed(&mut self, batch: &Batch, rewards: Vec<f32>) -> Replayed {
+    pub fn take_replayed(&mut self, batch: &Batch, windows: &WindowBatch) -> Replayed {
         let (latents, states_after) = self.reached.take().expect("taken once");
         let counted = to_values(batch.counted.clone()).into_iter().map(|counted| counted > 0.0).collect();
-        Replayed::detached(latents, states_after, batch.actions.clone(), rewards, counted)
+        let episodes = windows.starts.iter().map(|(episode, _)| *episode).collect();
+        Replayed::detached(latents, states_after, batch.actions.clone(), windows.rewards.clone(), (counted, episodes))
     }
 }
 

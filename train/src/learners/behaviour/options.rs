@@ -1,9 +1,11 @@
 //! What actor and critic can be asked for, and the two published recipes.
 
 use burn::tensor::{Device, Tensor, TensorData};
+use rand::Rng;
 use serde::{Deserialize, Serialize};
 use vibes_model::actions::ActionDistribution;
-use vibes_model::config::BehaviourConfig;
+use vibes_model::config::{BehaviourConfig, ModelConfig};
+use vibes_model::guard::Guard;
 use vibes_model::values::ValueDistribution;
 
 use crate::error::{Result, TrainError};
@@ -58,6 +60,30 @@ pub struct BehaviourOptions {
     pub hidden: usize,
     /// Imagination starts from every so-manieth counted row.
     pub every_start: usize,
+    /// Standard deviations over the guard's members that are taken from imagined rewards; 0 for no guard.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub guard: f64,
+    /// Reward heads of the guard.
+    #[serde(default = "five", skip_serializing_if = "is_five")]
+    pub guard_members: usize,
+}
+
+/// Members of a guard that does not say how many.
+const MEMBERS: usize = 5;
+
+fn five() -> usize {
+    MEMBERS
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_five(members: &usize) -> bool {
+    *members == MEMBERS
+}
+
+/// Options of runs without a guard are written as they were before there was one.
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_none(weight: &f64) -> bool {
+    *weight == 0.0
 }
 
 /// A name and the options it stands for.
@@ -92,6 +118,8 @@ pub fn gaussian() -> BehaviourOptions {
         discount_weights: true,
         hidden: 256,
         every_start: 1,
+        guard: 0.0,
+        guard_members: MEMBERS,
     }
 }
 
@@ -132,6 +160,11 @@ impl BehaviourOptions {
         BehaviourConfig { actions: self.actions, values: self.values, hidden: self.hidden }
     }
 
+    /// The guard these options ask for, its first weights and shares drawn from `rng`; nothing is drawn without one.
+    pub fn guard(&self, model: &ModelConfig, rng: &mut impl Rng, device: &Device) -> Option<Guard> {
+        (self.guard > 0.0).then(|| Guard::init(model, self.guard_members, rng, device))
+    }
+
     /// The weight of every imagined row: `[horizon, rows]`.
     pub(super) fn weights(&self, horizon: usize, rows: usize, device: &Device) -> Tensor<2> {
         let discount = if self.discount_weights { self.discount } else { 1.0 };
@@ -152,6 +185,13 @@ impl BehaviourOptions {
             let text =
                 "--every-start above 1 leaves the critic without targets on recorded rewards, which this recipe wants";
             return Err(TrainError::Options(text.to_owned()));
+        }
+        if !(self.guard.is_finite() && self.guard >= 0.0) {
+            return Err(TrainError::Options(format!("--guard is {}; it must be 0 or more", self.guard)));
+        }
+        if self.guard_members < 2 {
+            let text = format!("--guard-members is {}; it takes two to disagree", self.guard_members);
+            return Err(TrainError::Options(text));
         }
         let positive = [
             ("horizon", self.horizon as f64),

@@ -46,6 +46,7 @@ fn rows(reward: f32) -> Replayed {
         actions: noise::<3>([LENGTH, BATCH, 2], &mut rng, &device).clamp(-1.0, 1.0),
         rewards: vec![reward; LENGTH * BATCH],
         counted: (0..LENGTH * BATCH).map(|place| place >= BATCH).collect(),
+        episodes: (0..BATCH as u32).collect(),
     }
 }
 
@@ -143,6 +144,76 @@ fn a_reward_that_is_no_number_ends_the_update_with_its_name() {
 fn states_are_those_before_the_action() {
     let after = Tensor::<3>::from_data(TensorData::new(vec![1.0_f32, 2.0], [2, 1, 1]), &Device::flex());
     let like = Tensor::<3>::zeros([3, 1, 1], &Device::flex());
-    let rows = Replayed::detached(like.clone(), after, like, vec![0.0; 3], vec![true; 3]);
+    let rows = Replayed::detached(like.clone(), after, like, vec![0.0; 3], (vec![true; 3], vec![0]));
     assert_eq!(to_values(rows.states), [0.0, 1.0, 2.0]);
+}
+
+/// A guard of the same heads takes nothing from the returns, and one whose heads lie a known distance apart the same from every imagined reward.
+#[test]
+fn a_guard_takes_the_disagreement_of_its_members_from_every_reward() {
+    let options = BehaviourOptions { guard: 3.0, guard_members: 2, ..quick(options::gaussian()) };
+    let (world, rows) = (world(4), rows(0.0));
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let returns = |guard: Option<Guard>| {
+        let learner = learner(&options).guarded(guard);
+        let (dynamics, reward) = (world.dynamics.valid(), world.reward.valid());
+        let starts = rows.starts(&rows.chosen(1), &Device::flex());
+        let noise = ImaginationNoise::draw(
+            [options.horizon, starts.latents.dims()[0]],
+            [2, 6],
+            &mut ChaCha8Rng::seed_from_u64(9),
+            &Device::flex(),
+        );
+        let judged = learner.judge(&Learned { dynamics: &dynamics, reward: &reward }, starts, &noise, &options, true);
+        to_values(judged.returns.inner())
+    };
+    let mut guard = options.guard(&config(), &mut rng, &Device::flex()).unwrap();
+    guard.members.heads = vec![guard.members.heads[0].clone(); 2];
+    let without = returns(None);
+    let apart = |found: &[f32], wanted: f32| {
+        without.iter().zip(found).map(|(without, found)| (without - found - wanted).abs()).fold(0.0, f32::max)
+    };
+    assert!(apart(&returns(Some(guard.clone())), 0.0) < 1e-4);
+    // Two heads 2 apart have a standard deviation of 1; three of them are taken from every reward, so 3 (1 + γλ + …) from every return: the last row's is 3.
+    let bias = guard.members.heads[1].last.bias.clone();
+    guard.members.heads[1].last.bias = bias.map(|bias| bias + 2.0);
+    let guarded = returns(Some(guard));
+    let last = without.len() - rows.chosen(1).len();
+    assert!(guarded[last..].iter().zip(&without[last..]).all(|(found, without)| (without - found - 3.0).abs() < 1e-2));
+    let whole: f32 = (0..5).map(|k| 3.0 * (0.9_f32 * 0.95).powi(k)).sum();
+    assert!((without[0] - guarded[0] - whole).abs() < 1e-2, "{} {} {whole}", without[0], guarded[0]);
+}
+
+#[test]
+fn a_guarded_actor_stays_where_the_members_agree() {
+    let imagined = |weight: f64| {
+        let options = BehaviourOptions { guard: weight, ..quick(options::gaussian()) };
+        let mut rng = ChaCha8Rng::seed_from_u64(6);
+        let guard = options.guard(&config(), &mut rng, &Device::flex());
+        let (mut learner, world, rows) = (learner(&options).guarded(guard), constant_world(0.0), rows(0.0));
+        let mut recorded = Vec::new();
+        let mut last = f32::NAN;
+        for _ in 0..150 {
+            let (next, measures) = learner.update(&world, &rows, &options, true, &mut rng).unwrap();
+            learner = next;
+            let [imagined, seen] = measures.disagreement.unwrap();
+            recorded.push(seen);
+            last = imagined;
+        }
+        assert!(recorded[149] < 0.5 * recorded[0], "members agree on what they learn: {recorded:?}");
+        last
+    };
+    let [free, guarded] = [1e-9, 5.0].map(imagined);
+    assert!(guarded < 0.9 * free, "{guarded} and {free}");
+}
+
+#[test]
+fn without_a_guard_nothing_is_drawn_or_written_for_one() {
+    let options = options::mixed();
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    assert!(options.guard(&config(), &mut rng, &Device::flex()).is_none());
+    assert_eq!(rng, ChaCha8Rng::seed_from_u64(1));
+    let written = serde_json::to_string(&options).unwrap();
+    assert!(!written.contains("guard"), "{written}");
+    assert_eq!(serde_json::from_str::<BehaviourOptions>(&written).unwrap(), options);
 }
