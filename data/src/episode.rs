@@ -213,7 +213,7 @@ impl Episode {
 }
 
 /// The first number of a column `[rows, len]` that is none, in words.
-fn first_not_finite(name: &str, values: &[f32], len: usize) -> Option<String> {
+pub(crate) fn first_not_finite(name: &str, values: &[f32], len: usize) -> Option<String> {
     let place = values.iter().position(|value| !value.is_finite())?;
     Some(format!("the {name} of step {} is {}", place / len.max(1), values[place]))
 }

@@ -2,7 +2,7 @@
 //! file may be truncated, damaged or hostile. Out: the schema and the record batches, whose buffers are the mapped pages.
 
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use arrow::buffer::Buffer;
@@ -32,29 +32,36 @@ const TRAILER: usize = 10;
 
 /// The mapped pages of a file, shared by everything that looks into them.
 #[derive(Clone, Debug)]
-pub(crate) struct Pages(Arc<Mmap>);
+pub(crate) struct Pages {
+    map: Arc<Mmap>,
+    path: Arc<Path>,
+}
 
 impl Pages {
+    /// The file, for messages about what stands in it.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Gives the memory of the pages back until they are looked at again. The system would do so itself once memory is short, but until then a program that
     /// has looked at all of a large recording seems to hold all of it.
     pub(crate) fn release(&self) {
         #[cfg(unix)]
         #[allow(unsafe_code, reason = "the advice could lose what was written to private pages")]
         // SAFETY: the pages are a shared, read-only map of a file; the next look finds the same bytes in it.
-        let _only_a_wish = unsafe { self.0.unchecked_advise(UncheckedAdvice::DontNeed) };
+        let _only_a_wish = unsafe { self.map.unchecked_advise(UncheckedAdvice::DontNeed) };
     }
 }
 
 impl AsRef<[u8]> for Pages {
     fn as_ref(&self) -> &[u8] {
-        &self.0
+        &self.map
     }
 }
 
 /// An open Arrow file.
 #[derive(Debug)]
 pub(crate) struct MappedTable {
-    path: PathBuf,
     pages: Pages,
     buffer: Buffer,
     schema: SchemaRef,
@@ -78,7 +85,7 @@ impl MappedTable {
         #[allow(unsafe_code, reason = "mapping a file is unsafe because another process could change it")]
         // SAFETY: files of a recording are renamed into place when finished and never written again.
         let pages = unsafe { Mmap::map(&file) }.map_err(Error::io("map", path))?;
-        let pages = Pages(Arc::new(pages));
+        let pages = Pages { map: Arc::new(pages), path: path.into() };
         let buffer = Buffer::from(bytes::Bytes::from_owner(pages.clone()));
         let broken = |fact: String| Error::malformed(path, fact, "a whole Arrow file");
         let start = buffer.len() - TRAILER;
@@ -96,7 +103,7 @@ impl MappedTable {
         let blocks: Vec<Block> = footer.recordBatches().iter().flatten().copied().collect();
         let version = footer.version();
         let schema = checked_schema(schema).ok_or_else(|| broken("a schema of unknown types".into()))?;
-        Ok(Self { path: path.into(), pages, buffer: buffer.clone(), schema: Arc::new(schema), version, blocks })
+        Ok(Self { pages, buffer: buffer.clone(), schema: Arc::new(schema), version, blocks })
     }
 
     pub(crate) fn schema(&self) -> SchemaRef {
@@ -114,7 +121,7 @@ impl MappedTable {
 
     /// One record batch, its buffers in the mapped pages.
     pub(crate) fn batch(&self, index: usize) -> Result<RecordBatch> {
-        let broken = |fact: String| Error::malformed(&self.path, fact, "a whole Arrow file");
+        let broken = |fact: String| Error::malformed(self.pages.path(), fact, "a whole Arrow file");
         let block = self.blocks.get(index).ok_or_else(|| broken("no rows".into()))?;
         let slice = self.block_slice(block).ok_or_else(|| broken("a record batch outside the file".into()))?;
         if !message_is_sound(&slice, block, self.schema.fields()) {

@@ -11,6 +11,7 @@ use arrow::buffer::ScalarBuffer;
 use arrow::datatypes::{Float32Type, Float64Type, UInt32Type};
 
 use crate::arrow_table::{ACTING_DISTRACTOR, episode_schema};
+use crate::episode::first_not_finite;
 use crate::map::{MappedTable, Pages};
 use crate::{BackgroundFrame, CameraPose, Cell, Episode, Error, Result, Spec};
 
@@ -97,6 +98,23 @@ impl EpisodeView {
             colors: batch.column_by_name("colors").map_or_else(no_columns, |c| floats(c.as_fixed_size_list())),
             table: batch.clone(),
             pages,
+        }
+    }
+
+    /// That everything that is learned from is a finite number. Recordings may hold others (a simulator that went astray is worth looking at), so this is not part of opening.
+    ///
+    /// # Errors
+    /// [`Error::Malformed`] naming the first action, reward or observation that is none, and the file.
+    pub fn check_numbers(&self) -> Result<()> {
+        let steps = self.steps();
+        let columns = [
+            ("action", &self.actions.values[..steps * self.actions.len], self.actions.len),
+            ("reward", &self.rewards[..steps], 1),
+            ("observation", &self.observations.values[..], self.observations.len),
+        ];
+        match columns.into_iter().find_map(|(name, values, len)| first_not_finite(name, values, len)) {
+            Some(fact) => Err(Error::malformed(self.pages.path(), fact, "a finite number, to learn from")),
+            None => Ok(()),
         }
     }
 

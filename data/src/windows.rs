@@ -52,11 +52,11 @@ impl WindowSampler {
     /// Maps every episode of a recording that is long enough.
     ///
     /// # Errors
-    /// [`Error::WindowTooLong`] when none is, [`Error::Malformed`] for a damaged episode.
+    /// [`Error::WindowTooLong`] when none is, [`Error::Malformed`] for a damaged episode, or one with an action, a reward or an observation that is no finite number.
     pub fn new(recording: &Recording, length: usize) -> Result<Self> {
         let mut sampler = Self::growing(&recording.manifest().spec, length);
         for entry in recording.episodes().iter().filter(|entry| entry.steps as usize >= length) {
-            sampler.admit(recording.episode(entry.index)?);
+            sampler.admit(recording.episode(entry.index)?)?;
         }
         if sampler.episodes.is_empty() {
             let longest = recording.episodes().iter().map(|entry| entry.steps as usize).max().unwrap_or(0);
@@ -72,11 +72,16 @@ impl WindowSampler {
     }
 
     /// Takes in another episode of the same spec; one that is shorter than a window has none.
-    pub fn admit(&mut self, episode: EpisodeView) {
+    ///
+    /// # Errors
+    /// [`Error::Malformed`] when an action, a reward or an observation of it is no finite number: nothing can be learned from it.
+    pub fn admit(&mut self, episode: EpisodeView) -> Result<()> {
+        episode.check_numbers()?;
         if let Some(more) = (episode.steps() + 1).checked_sub(self.length).filter(|&windows| windows > 0) {
             self.ends.push(self.windows() + more as u64);
             self.episodes.push(episode);
         }
+        Ok(())
     }
 
     /// How many different windows there are.

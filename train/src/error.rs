@@ -109,6 +109,15 @@ pub enum TrainError {
         /// Its value.
         value: f32,
     },
+    /// The thread that acts, and draws what is acted on, panicked.
+    #[error(
+        "the thread that acts in the environment and draws it panicked: {panic}; everything up to the last checkpoint is kept, and every whole episode; run the same command \
+         again"
+    )]
+    ActorPanicked {
+        /// What the panic said.
+        panic: String,
+    },
     /// The thread that acts is gone.
     #[error(
         "the thread that acts in the environment stopped; everything up to the last checkpoint is kept; run the same command again"

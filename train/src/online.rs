@@ -53,7 +53,7 @@ pub mod prepare;
 pub mod protocol;
 pub mod world;
 
-use actor::{ActorThread, EpisodeKind, Lived, Task, episode_seed};
+use actor::{ActorThread, EpisodeKind, Lived, Living, Task, episode_seed};
 use evaluate::Evaluation;
 use options::OnlineOptions;
 
@@ -192,6 +192,10 @@ pub struct Setup<'a> {
 /// # Errors
 /// See [`TrainError`]; everything up to the last checkpoint is kept.
 pub fn online(setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
+    online_living(actor::as_it_is, setup, listen)
+}
+
+fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
     let Setup { run, options, given, device } = *setup;
     let model_options = &run.info().options;
     let libraries = [options.world.video_library(VideoSet::Train)?, options.world.video_library(VideoSet::Val)?];
@@ -210,13 +214,14 @@ pub fn online(setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Res
     evaluate::drop_beyond(&run.evaluations_path(), state.next_evaluation)?;
     let session = Session::open(run, device, world_state, true)?;
     std::thread::scope(|scope| {
-        let acting = ActorThread::start(scope, &options.world, libraries, replay.writer());
+        let acting = ActorThread::living(live, scope, &options.world, libraries, replay.writer());
         let mut training = Training { setup, acting, session, state, replay };
-        let learners = match resumed {
-            Some(resumed) => (resumed.learner, resumed.behaviour),
-            None => training.begin(listen)?,
-        };
-        training.run(learners, listen)
+        let end = training.from_start(resumed, listen);
+        if end.is_err() {
+            // What was lived through is listed in the recording, whatever ended the run; what ended it is what is told.
+            training.replay.complete().ok();
+        }
+        end
     })
 }
 
@@ -236,6 +241,14 @@ struct Round {
 }
 
 impl Training<'_> {
+    fn from_start(&mut self, resumed: Option<Resumed>, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
+        let learners = match resumed {
+            Some(resumed) => (resumed.learner, resumed.behaviour),
+            None => self.begin(listen)?,
+        };
+        self.run(learners, listen)
+    }
+
     /// The random episodes, and the learners before their first update.
     fn begin(&mut self, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<(Learner, BehaviourLearner)> {
         let Setup { run, options, device, .. } = *self.setup;
@@ -522,3 +535,6 @@ fn resume(run: &Run, device: &Device) -> Result<Option<Resumed>> {
     behaviour.scale = online.scale;
     Ok(Some(Resumed { learner, behaviour, world, online }))
 }
+
+#[cfg(test)]
+mod tests;

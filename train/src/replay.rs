@@ -73,9 +73,9 @@ impl Replay {
     /// Admits the next episode, which has been written.
     ///
     /// # Errors
-    /// It is missing or damaged.
+    /// It is missing or damaged, or holds numbers that are none.
     pub fn admit(&mut self) -> Result<()> {
-        self.own.admit(self.writer.episode(self.admitted)?);
+        self.own.admit(self.writer.episode(self.admitted)?)?;
         self.admitted += 1;
         Ok(())
     }

@@ -117,7 +117,7 @@ fn what_cannot_be_is_refused_with_what_would_be_right() {
     assert!(refused(&["--task", "reacher-easy", "--rows-per-step", "0"]).contains("above 0"));
     let other = refused(&["--task", "reacher-easy", "--protocol", "dcs-easy-dynamic-500k", "--action-repeat", "2"]);
     assert!(other.contains("action repeat 4, not 2"), "{other}");
-    assert!(refused(&["--task", "reacher-easy", "--guard", "-1"]).contains("0 or more"));
+    assert!(refused(&["--task", "reacher-easy", "--guard=-1"]).contains("0 or more"));
     assert!(refused(&["--task", "reacher-easy", "--guard", "1", "--guard-members", "1"]).contains("two to disagree"));
     assert!(refused(&["--task", "reacher-easy", "--guard-members", "3"]).contains("--guard-members has no effect"));
     assert!(refused(&["--task", "reacher-easy", "--agent", "sac", "--guard", "1"]).contains("--guard has no effect"));

@@ -102,6 +102,48 @@ fn a_thread_that_cannot_draw_any_more_is_an_error_and_the_run_goes_on_later() {
     assert_same(&undisturbed, &blind, "after a thread that could not draw");
 }
 
+/// Puts a number that is none in the place of one of an episode's: what damage leaves, or a program that does not check.
+fn poison(file: &Path, numbers: &[f32], place: usize) {
+    let mut bytes = std::fs::read(file).unwrap();
+    let column: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+    let at = bytes.windows(column.len()).position(|found| found == column).unwrap();
+    bytes[at + 4 * place..][..4].copy_from_slice(&f32::NAN.to_le_bytes());
+    std::fs::write(file, bytes).unwrap();
+}
+
+#[test]
+fn a_recording_with_numbers_that_are_none_is_refused_by_name_before_anything_is_learned_from_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let [run, offline, other, online] = ["run", "offline", "other", "online"].map(|name| folder.path().join(name));
+    let recording = run.join("replay");
+    succeeds(command(VECTORS, 400, &run));
+    let learn = |output: &Path| {
+        let mut command = program();
+        command.arg("offline").arg(&recording).args(["--preset", "tiny", "--updates", "2", "-o"]).arg(output);
+        command
+    };
+    succeeds(learn(&offline));
+    let go_on = || {
+        let mut command = program();
+        command.arg("online").arg(&offline).args(["--no-pixels", "--distract", "none", "-o"]).arg(&online);
+        command
+    };
+    let file = recording.join("episodes/000001.arrow");
+    let whole = std::fs::read(&file).unwrap();
+    let episode = Recording::open(&recording).unwrap().episode(1).unwrap().to_episode();
+    let width = episode.observations.len() / episode.rows();
+    let columns = [("reward", &episode.rewards, 1), ("observation", &episode.observations, width)];
+    for (column, numbers, width) in columns {
+        poison(&file, numbers, 7 * width);
+        let said = format!("the {column} of step 7 is NaN");
+        for command in [learn(&other), go_on(), command(VECTORS, 800, &run)] {
+            fails(command, 1, &[&said, "000001.arrow"]);
+        }
+        std::fs::write(&file, &whole).unwrap();
+    }
+    succeeds(command(VECTORS, 480, &run));
+}
+
 fn wait_until(process: &mut std::process::Child, is_so: impl Fn() -> bool) {
     let begun = Instant::now();
     while !is_so() && process.try_wait().unwrap().is_none() {

@@ -4,6 +4,7 @@
 //! Weights are handed over once an episode, so what an episode holds depends on no clock; and simulation, drawing and acting run beside the
 //! updates on a core of their own.
 
+use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -58,9 +59,27 @@ pub struct ActorThread {
     lived: Receiver<Result<Lived>>,
 }
 
+/// How the thread lives through a task on its stage: in every run by [`as_it_is`]; a test has things go wrong in between.
+pub(super) type Living = fn(&mut Stage<'_>, Task) -> Result<Lived>;
+
+/// Nothing goes wrong on purpose.
+pub(super) fn as_it_is(stage: &mut Stage<'_>, task: Task) -> Result<Lived> {
+    stage.live(task)
+}
+
 impl ActorThread {
     /// Starts the thread; it ends when this is dropped. `libraries` are training and held-out videos.
     pub fn start<'scope>(
+        scope: &'scope Scope<'scope, '_>,
+        world: &'scope WorldOptions,
+        libraries: [Arc<VideoLibrary>; 2],
+        writer: Arc<RecordingWriter>,
+    ) -> Self {
+        Self::living(as_it_is, scope, world, libraries, writer)
+    }
+
+    pub(super) fn living<'scope>(
+        live: Living,
         scope: &'scope Scope<'scope, '_>,
         world: &'scope WorldOptions,
         libraries: [Arc<VideoLibrary>; 2],
@@ -70,10 +89,11 @@ impl ActorThread {
         let work = move || {
             let mut stage = Stage { world, libraries, eyes: [None, None], writer };
             for task in inbox {
-                // A panic here (a driver's, say) becomes an error of the run, which keeps what it has.
-                let outcome = catch_unwind(AssertUnwindSafe(|| stage.live(task)));
+                // A panic here (a driver's, say) becomes an error of the run, which keeps what it has. The stage is not used again.
+                let outcome = catch_unwind(AssertUnwindSafe(|| live(&mut stage, task)));
                 let is_gone = outcome.is_err();
-                if outbox.send(outcome.unwrap_or(Err(TrainError::NoActor))).is_err() || is_gone {
+                let outcome = outcome.unwrap_or_else(|panic| Err(TrainError::ActorPanicked { panic: said(&*panic) }));
+                if outbox.send(outcome).is_err() || is_gone {
                     return;
                 }
             }
@@ -108,8 +128,14 @@ impl ActorThread {
     }
 }
 
+/// What a panic said: its text, where it has one.
+fn said(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "without a word".to_owned())
+}
+
 /// What the thread owns: eyes are opened when they are first needed and stay on the thread, as an OpenGL context does.
-struct Stage<'a> {
+pub(super) struct Stage<'a> {
     world: &'a WorldOptions,
     libraries: [Arc<VideoLibrary>; 2],
     eyes: [Option<Eyes>; 2],
@@ -117,7 +143,7 @@ struct Stage<'a> {
 }
 
 impl Stage<'_> {
-    fn live(&mut self, mut task: Task) -> Result<Lived> {
+    pub(super) fn live(&mut self, mut task: Task) -> Result<Lived> {
         let begun = Instant::now();
         let place = match task.videos {
             VideoSet::Train => 0,

@@ -22,7 +22,7 @@ use vibes_env::videos::VideoSet;
 use vibes_model::actions::Choice;
 use vibes_model::trained::TrainedAgent;
 
-use super::actor::{ActorThread, EpisodeKind, Task, episode_seed};
+use super::actor::{self, ActorThread, EpisodeKind, Living, Task, episode_seed};
 use super::evaluate::{self, Evaluation};
 use crate::error::Result;
 use crate::fit::{End, Go};
@@ -108,6 +108,16 @@ pub struct Line {
 /// # Errors
 /// See [`TrainError`](crate::TrainError); everything up to the last checkpoint is kept.
 pub fn model_free(folder: &Folder, device: &Device, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
+    model_free_living(actor::as_it_is, folder, device, listen)
+}
+
+/// The same with an actor's thread that lives through its episodes in this way.
+pub(super) fn model_free_living(
+    live: Living,
+    folder: &Folder,
+    device: &Device,
+    listen: &mut dyn FnMut(Event<'_>) -> Go,
+) -> Result<End> {
     let options = folder.options();
     let world = &options.online.world;
     let libraries = [world.video_library(VideoSet::Train)?, world.video_library(VideoSet::Val)?];
@@ -130,8 +140,14 @@ pub fn model_free(folder: &Folder, device: &Device, listen: &mut dyn FnMut(Event
     let metrics = MetricsFile::open(&folder.places().metrics_path(), state.update)?;
     let evaluations = MetricsFile::open(&folder.places().evaluations_path(), state.update)?;
     std::thread::scope(|scope| {
-        let acting = ActorThread::start(scope, world, libraries, replay.writer());
-        Training { folder, options, device, acting, replay, metrics, evaluations, state }.run(learner, listen)
+        let acting = ActorThread::living(live, scope, world, libraries, replay.writer());
+        let mut training = Training { folder, options, device, acting, replay, metrics, evaluations, state };
+        let end = training.run(learner, listen);
+        if end.is_err() {
+            // What was lived through is listed in the recording, whatever ended the run; what ended it is what is told.
+            training.replay.complete().ok();
+        }
+        end
     })
 }
 
