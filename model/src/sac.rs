@@ -10,12 +10,14 @@
 //! | [`features`] | convolutions, and the trunk on top of them |
 //! | [`critic`] | two critics on one trunk |
 //! | [`actor`] | trunk, perceptron, distribution of actions |
+//! | [`characteristic`] | SAR's head: the characteristic function of the next actions |
 //! | [`networks`] | all of them with the critic's slow copy, and their file |
 //! | [`stack`], [`cut`] | the last pictures side by side, and views of them |
 //! | [`agent`] | a trained agent at work |
 
 pub mod actor;
 pub mod agent;
+pub mod characteristic;
 pub mod config;
 pub mod critic;
 pub mod cut;

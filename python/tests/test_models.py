@@ -74,6 +74,29 @@ def test_it_acts_as_in_the_collector(recorded, tmp_path):
         agent.act(episode.observation[0], executed=[0.1, 0.2, 0.3])
 
 
+MODEL_FREE = (
+    "--task known-slide --distract none --size 24 --agent sac --steps 20 --prefill 3 --save-every 2 --evaluate-every 0 --final-episodes 1 --control-steps 200"
+)
+
+
+@pytest.mark.parametrize(("system", "transitions"), [("sac-drq", 4), ("sar", 4), ("core", 32)])
+def test_a_run_without_a_world_model_encodes_and_acts(system, transitions, recorded, tmp_path):
+    run = tmp_path / "run"
+    words = [*MODEL_FREE.split(), "--system", system, "--transitions", str(transitions)]
+    done = subprocess.run([program("vibes-train"), "online", *words, "--quiet", "-o", run], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    agent = vibes.load(run)
+    assert agent.acts and agent.kind == "pixels" and agent.task == "known-slide"
+    path = recorded("--task", "known-slide", "--policy", str(run), "--size", "24", "--distract", "none", "--episodes", "1", "--steps", "8")
+    (episode,) = vibes.open(path)
+    agent.begin()
+    for observation, action in zip(episode.pixels, episode.action):
+        np.testing.assert_allclose(agent.act(observation), action, atol=1e-6)
+    latents = agent.encode(episode.pixels, episode.action)
+    assert latents.shape == (9, agent.config["latent"]) and np.isfinite(latents).all()
+    assert (latents[1:] != latents[:-1]).any()
+
+
 def test_errors_name_what_would_be_right(model, tmp_path):
     with pytest.raises(vibes.Error, match="vibes-train"):
         vibes.load(tmp_path)

@@ -16,8 +16,10 @@ use crate::learners::world::{Learner, Phases};
 use crate::options::Options;
 use crate::windows::Windows;
 
+mod agent;
 mod online;
 
+pub use agent::bench_agent;
 pub use online::{OnlineReport, bench_online};
 
 /// Sizes of what is made up.
@@ -194,19 +196,24 @@ pub(crate) fn made_up_spec(sizes: Sizes) -> Spec {
 }
 
 pub(crate) fn made_up_windows(options: &Options, sizes: Sizes, rng: &mut impl Rng) -> WindowBatch {
-    let rows = options.length * options.batch;
+    made_up_windows_of([options.length, options.batch], sizes, rng)
+}
+
+/// So many rows a window, and so many windows.
+pub(crate) fn made_up_windows_of([length, batch]: [usize; 2], sizes: Sizes, rng: &mut impl Rng) -> WindowBatch {
+    let rows = length * batch;
     let mut actions = || (0..rows * sizes.actions).map(|_| rng.random_range(-1.0..1.0)).collect::<Vec<f32>>();
     let (actions, previous_actions) = (actions(), actions());
     WindowBatch {
-        length: options.length,
-        batch: options.batch,
+        length,
+        batch,
         pixels: (0..rows * sizes.picture * sizes.picture * 3).map(|_| rng.random()).collect(),
         observations: vec![0.0; rows],
         actions,
         previous_actions,
         rewards: (0..rows).map(|_| rng.random()).collect(),
         is_first: vec![false; rows],
-        starts: vec![(0, 1); options.batch],
+        starts: vec![(0, 1); batch],
     }
 }
 

@@ -1,6 +1,7 @@
 //! What can go wrong in training: options that contradict each other or the run, a recording that lacks what the model needs, a loss that is no longer
 //! a number.
 
+use std::any::Any;
 use std::path::{Path, PathBuf};
 
 use vibes_model::ModelError;
@@ -109,12 +110,13 @@ pub enum TrainError {
         /// Its value.
         value: f32,
     },
-    /// The thread that acts, and draws what is acted on, panicked.
+    /// A thread panicked.
     #[error(
-        "the thread that acts in the environment and draws it panicked: {panic}; everything up to the last checkpoint is kept, and every whole episode; run the same command \
-         again"
+        "the thread that {thread} panicked: {panic}; everything up to the last checkpoint is kept; run the same command again"
     )]
-    ActorPanicked {
+    Panicked {
+        /// What the thread does.
+        thread: &'static str,
         /// What the panic said.
         panic: String,
     },
@@ -129,6 +131,15 @@ pub enum TrainError {
     /// The thread that gathers windows is gone.
     #[error("the thread that gathers windows stopped; run the same command again")]
     NoWindows,
+}
+
+impl TrainError {
+    /// A panic with its text, where it has one, of the thread that does this.
+    pub(crate) fn panicked(thread: &'static str, panic: &(dyn Any + Send)) -> Self {
+        let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+        let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
+        Self::Panicked { thread, panic: text.unwrap_or_else(|| "without a word".to_owned()) }
+    }
 }
 
 /// For `map_err`: an I/O error with what was tried and where.

@@ -1,6 +1,7 @@
 //! The windows of every update, gathered ahead of time by a thread of their own, so that the trainer never waits for data. Which windows an update sees, and
 //! its noise, follow from the seed and the update's number alone; so a run that is stopped and continued sees the same.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::{self, Scope};
 
@@ -37,7 +38,7 @@ impl Source for Windows {
 /// The batches of consecutive updates, gathered by a thread of `scope` that ends when this is dropped or the last update is reached.
 #[derive(Debug)]
 pub struct Prefetch {
-    batches: Receiver<WindowBatch>,
+    batches: Receiver<Result<WindowBatch>>,
 }
 
 impl Prefetch {
@@ -49,6 +50,7 @@ impl Prefetch {
         updates: std::ops::Range<u64>,
     ) -> Self {
         let (sender, batches) = sync_channel(AHEAD);
+        let failed = sender.clone();
         let gather = move || {
             let mut gathered = 0;
             for update in updates {
@@ -58,9 +60,15 @@ impl Prefetch {
                     windows.release();
                     gathered = 0;
                 }
-                if sender.send(batch).is_err() {
+                if sender.send(Ok(batch)).is_err() {
                     return;
                 }
+            }
+        };
+        // A panic here becomes an error of the run; left alone, it would be the scope's own.
+        let gather = move || {
+            if let Err(panic) = catch_unwind(AssertUnwindSafe(gather)) {
+                failed.send(Err(TrainError::panicked("gathers windows", &*panic))).ok();
             }
         };
         thread::Builder::new().name("windows".to_owned()).spawn_scoped(scope, gather).ok();
@@ -70,9 +78,41 @@ impl Prefetch {
     /// The next update's windows.
     ///
     /// # Errors
-    /// The thread has stopped.
+    /// The thread has stopped, or panicked.
     #[allow(clippy::should_implement_trait, reason = "an iterator would hide that the thread can fail")]
     pub fn next(&self) -> Result<WindowBatch> {
-        self.batches.recv().map_err(|_gone| TrainError::NoWindows)
+        self.batches.recv().map_err(|_gone| TrainError::NoWindows)?
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+    use super::*;
+
+    /// Whose third batch is not to be had.
+    struct Torn;
+
+    impl Source for Torn {
+        fn sample(&self, rng: &mut impl Rng) -> WindowBatch {
+            // The number of an update is the stream of its generator's draws.
+            let third = update_rng(1, 2, Purpose::Windows).random::<u64>();
+            assert_ne!(rng.random::<u64>(), third, "a page is gone");
+            WindowBatch::default()
+        }
+
+        fn release(&self) {}
+    }
+
+    #[test]
+    fn a_thread_that_panics_is_an_error_after_what_it_had_gathered() {
+        thread::scope(|scope| {
+            let batches = Prefetch::start(scope, &Torn, 1, 0..9);
+            assert!(batches.next().is_ok() && batches.next().is_ok());
+            let error = batches.next().unwrap_err().to_string();
+            assert!(error.contains("gathers windows") && error.contains("a page is gone"), "{error}");
+            assert!(matches!(batches.next(), Err(TrainError::NoWindows)));
+        });
     }
 }

@@ -115,6 +115,11 @@ fn soft_actor_critic_comes_close_to_the_best_return() {
 }
 
 #[test]
+fn characteristic_functions_beside_soft_actor_critic_come_close_to_the_best_return() {
+    comes_close("sar");
+}
+
+#[test]
 fn a_search_over_critics_comes_close_to_the_best_return() {
     comes_close("qt-opt-drq");
 }

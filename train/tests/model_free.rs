@@ -119,7 +119,7 @@ fn command(folder: &Path, system: &str, control_steps: u32) -> Command {
 
 #[test]
 fn however_often_it_is_killed_the_same_command_ends_with_the_same_bytes() {
-    for system in ["sac-drq", "core"] {
+    for system in ["sac-drq", "sar", "core"] {
         let folder = tempfile::tempdir().unwrap();
         let [undisturbed, killed] = ["undisturbed", "killed"].map(|name| folder.path().join(name));
         let output = command(&undisturbed, system, WHOLE).output().unwrap();

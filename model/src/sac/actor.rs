@@ -10,8 +10,8 @@ use crate::actions::{ActionDistribution, Actions};
 use crate::error::ModelError;
 use crate::mlp::Mlp;
 
-/// Bounds of the standard deviation's logarithm, which tanh maps into them.
-const LOG_STD: [f32; 2] = [-10.0, 2.0];
+/// Upper bound of the standard deviation's logarithm, which tanh maps between the configured lower one and this.
+const LOG_STD_MAX: f32 = 2.0;
 
 /// Maps of the critic's convolutions to a distribution of actions.
 #[derive(Module, Debug)]
@@ -20,6 +20,8 @@ pub struct SoftActor {
     pub trunk: Trunk,
     /// From features to mean and standard deviation: `[feature]` to `[2A]`
     pub mlp: Mlp,
+    #[module(skip)]
+    log_std_min: f32,
 }
 
 impl SoftActor {
@@ -29,7 +31,8 @@ impl SoftActor {
     /// The pictures are too small.
     pub fn init(config: &SacConfig, rng: &mut impl Rng, device: &Device) -> Result<Self, ModelError> {
         let sizes = [config.feature, config.hidden, 2 * config.actions()];
-        Ok(Self { trunk: Trunk::init(config, rng, device)?, mlp: orthogonal_mlp(sizes, rng, device) })
+        let (trunk, mlp) = (Trunk::init(config, rng, device)?, orthogonal_mlp(sizes, rng, device));
+        Ok(Self { trunk, mlp, log_std_min: config.log_std_min })
     }
 
     /// The distribution of actions.
@@ -44,7 +47,7 @@ impl SoftActor {
     pub fn of_features(&self, features: Tensor<2>) -> Actions<2> {
         let output = relu_forward(&self.mlp, features);
         let width = output.dims()[1] / 2;
-        let [low, high] = LOG_STD;
+        let [low, high] = [self.log_std_min, LOG_STD_MAX];
         let log_std = (output.clone().narrow(1, width, width).tanh() + 1.0) * ((high - low) / 2.0) + low;
         Actions::new(ActionDistribution::TanhNormal, output.narrow(1, 0, width), log_std.exp())
     }

@@ -40,6 +40,29 @@ pub struct SacConfig {
     /// Whether there is a model of the next features and of the reward (`DeepMDP`, DBC, `SimSR`).
     #[serde(default)]
     pub transition: bool,
+    /// Steps whose actions' characteristic function is expected (SAR); 0 for none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub sequence: usize,
+    /// Lower bound of the logarithm of the actor's standard deviation; the upper one is 2.
+    #[serde(default = "least_log_std", skip_serializing_if = "is_least_log_std")]
+    pub log_std_min: f32,
+}
+
+/// As in the SAC-AE lineage.
+pub const LOG_STD_MIN: f32 = -10.0;
+
+fn least_log_std() -> f32 {
+    LOG_STD_MIN
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_least_log_std(bound: &f32) -> bool {
+    *bound == LOG_STD_MIN
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_zero(steps: &usize) -> bool {
+    *steps == 0
 }
 
 impl SacConfig {

@@ -8,6 +8,7 @@ use burn::tensor::{Device, Tensor};
 use rand::{Rng, SeedableRng};
 
 use super::actor::SoftActor;
+use super::characteristic::Characteristic;
 use super::config::SacConfig;
 use super::critic::TwinCritic;
 use super::features::{orthogonal_linear, orthogonal_mlp};
@@ -46,6 +47,8 @@ pub struct Further {
     pub bilinear: Option<Linear>,
     /// Model of features and rewards.
     pub transition: Option<Transition>,
+    /// SAR's head.
+    pub characteristic: Option<Characteristic>,
 }
 
 /// A model-free agent's networks.
@@ -79,12 +82,14 @@ impl SacNetworks {
             next: orthogonal_mlp([feature + config.actions(), hidden, 2 * feature], rng, device),
             reward: orthogonal_mlp([feature, hidden, 1], rng, device),
         });
+        let steps = config.sequence;
+        let characteristic = (steps > 0).then(|| Characteristic::init(&config, steps, rng, device));
         Ok(Self {
             slow: critic.clone(),
             critic,
             actor,
             temperature: Temperature { log: constant([1], TEMPERATURE.ln(), device) },
-            further: Further { bilinear, transition },
+            further: Further { bilinear, transition, characteristic },
             config,
         })
     }

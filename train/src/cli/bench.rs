@@ -4,8 +4,12 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
+use vibes_command::{Given, options_of};
 use vibes_data::Recording;
-use vibes_train::bench::{Sizes, bench, bench_online};
+use vibes_train::TrainError;
+use vibes_train::bench::{Sizes, bench, bench_agent, bench_online};
+use vibes_train::learners::model_free::AgentOptions;
+use vibes_train::learners::sac::options::Size;
 use vibes_train::online::prepare::{default_options, default_world};
 use vibes_train::options::Options;
 
@@ -15,6 +19,8 @@ use super::flags::OptionArgs;
 
 #[derive(Debug, Args)]
 pub(crate) struct BenchArgs {
+    #[command(flatten)]
+    given: Given,
     /// Time an agent without a world model instead, by its system's name, at the size `small`; every update steps the actor.
     #[arg(long, value_name = "SYSTEM", conflicts_with_all = ["recording", "online", "recipe"])]
     pub(crate) system: Option<String>,
@@ -44,29 +50,57 @@ pub(crate) struct BenchArgs {
     device: DeviceArgs,
 }
 
+impl BenchArgs {
+    fn sizes(&self) -> Sizes {
+        Sizes { picture: self.size, actions: self.actions, repeats: self.repeats }
+    }
+
+    /// That nothing was given that is not looked at: of an agent without a world model those of a model, of online training what its task says.
+    fn check_given(&self) -> Result<()> {
+        let model = if self.system.is_some() { options_of::<OptionArgs>() } else { Vec::new() };
+        let of_task: &[&str] = if self.online.is_some() { &["size", "actions"] } else { &[] };
+        let idle = self.given.first_of(model.iter().map(String::as_str).chain(of_task.iter().copied()));
+        match idle {
+            Some(option) => {
+                let beside = if self.system.is_some() { "--system" } else { "--online" };
+                anyhow::bail!(TrainError::Options(format!("{option} has no effect with {beside}; leave it out")))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
 /// An agent without a world model.
 pub(crate) fn of_agent(context: &Context, args: &BenchArgs, system: &str) -> Result<()> {
-    use vibes_train::learners::sac::options::{SacOptions, Size};
-
-    let made = SacOptions::system(system, Size::Small)?;
-    let options = SacOptions { hidden: args.system_hidden.unwrap_or(made.hidden), ..made };
-    let device = args.device.open()?;
-    let ms = vibes_train::learners::sac::bench::bench(&options, args.size, args.actions, args.repeats, &device)?;
+    args.check_given()?;
+    let mut options = AgentOptions::system(system, Size::Small)?;
+    let width = match &mut options {
+        AgentOptions::Stacks(options) => &mut options.hidden,
+        AgentOptions::Recurrent(options) => &mut options.hidden,
+    };
+    *width = args.system_hidden.unwrap_or(*width);
+    let hidden = *width;
+    let ms = bench_agent(&options, args.sizes(), &args.device.open()?)?;
     if context.json {
         println!("{}", serde_json::json!({ "system": system, "update_ms": ms }));
     } else {
-        let (side, batch, hidden) = (args.size, options.batch, options.hidden);
+        let side = args.size;
+        let batch = match &options {
+            AgentOptions::Stacks(options) => options.batch.to_string(),
+            AgentOptions::Recurrent(options) => format!("{} × {}", options.windows, options.length),
+        };
         println!("{system} update, batch {batch}, {side}×{side}, hidden {hidden}: {ms:.1} ms");
     }
     Ok(())
 }
 
 pub(crate) fn run(context: &Context, args: &BenchArgs) -> Result<()> {
+    args.check_given()?;
     let options = if args.recipe { args.options.resolve() } else { args.options.resolve_plain() }?;
     if let Some(task) = &args.online {
         return online(context, args, &options, task);
     }
-    let sizes = Sizes { picture: args.size, actions: args.actions, repeats: args.repeats };
+    let sizes = args.sizes();
     let recording = args.recording.as_ref().map(|path| Recording::open(path)).transpose()?;
     let report = bench(&options, sizes, recording.as_ref(), &args.device.open()?)?;
     if context.json {

@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use clap::Args;
+use vibes_command::Given;
 use vibes_data::{Recording, relative_place, write_atomically};
 use vibes_measure::intervals::Interval;
 use vibes_measure::numbers::Number;
 use vibes_model::trained::Trained;
+use vibes_train::TrainError;
 use vibes_train::evaluate::{EvaluateOptions, GapOptions, Gaps, Likelihoods, Report, evaluate, gaps};
 use vibes_train::trained::TrainedRun;
 
@@ -16,6 +18,8 @@ use super::device::DeviceArgs;
 
 #[derive(Debug, Args)]
 pub(crate) struct EvaluateArgs {
+    #[command(flatten)]
+    given: Given,
     /// A run folder; its newest checkpoint is used.
     run: PathBuf,
     /// A grid recording that was not trained on.
@@ -33,12 +37,31 @@ pub(crate) struct EvaluateArgs {
     device: DeviceArgs,
 }
 
+impl EvaluateArgs {
+    /// That nothing was given that is not looked at.
+    fn check_given(&self, run: &TrainedRun, has_recordings: bool) -> Result<()> {
+        let idle = [
+            ("probe_episodes", self.probe_episodes > 0 && !has_recordings, "the run's recordings are gone"),
+            ("gap_updates", self.gap_updates > 0 && !matches!(run, TrainedRun::World(_)), "the run has no world model"),
+        ];
+        let mut idle = idle.into_iter().filter(|(_, is_idle, _)| *is_idle);
+        let found = idle.find_map(|(option, _, why)| Some((self.given.first_of([option])?, why)));
+        match found {
+            Some((option, why)) => {
+                anyhow::bail!(TrainError::Options(format!("{option} has no effect: {why}; leave it out")))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
 pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     let run = TrainedRun::open(&args.run)?;
+    let training = run.open_recordings();
+    args.check_given(&run, training.as_ref().is_ok_and(|found| !found.is_empty()))?;
     let grid = Recording::open(&args.grid)?;
     let device = args.device.open()?;
     let (trained, checkpoint) = run.load(&device)?;
-    let training = run.open_recordings();
     let to_fit = match &training {
         Ok(training) if args.probe_episodes > 0 => training.as_slice(),
         _ => &[],

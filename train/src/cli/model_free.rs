@@ -40,7 +40,7 @@ pub(crate) struct ModelFreeArgs {
     /// The agent: dreamer, sac or qt-opt.
     #[arg(long, value_enum, default_value_t = AgentKind::Dreamer)]
     agent: AgentKind,
-    /// The system to begin as: sac-rad, sac-drq, curl, deepmdp, dbc, mico, simsr, rsac, core, or qt-opt-rad, qt-opt-drq [default: sac-drq, qt-opt-drq].
+    /// The system to begin as: sac-rad, sac-drq, curl, deepmdp, dbc, mico, simsr, sar, rsac, core, or qt-opt-rad, qt-opt-drq [default: sac-drq, qt-opt-drq].
     #[arg(long, value_name = "NAME")]
     system: Option<String>,
     /// Its size: small (64 pixels, batches of 128, one view) or paper (84 pixels, batches of 512, or 32 windows of 32) [default: small].
@@ -55,7 +55,7 @@ pub(crate) struct ModelFreeArgs {
     /// Views of the stack that the critics' loss is added up over (M).
     #[arg(long, value_name = "M")]
     views: Option<usize>,
-    /// What stands beside the critics' loss: none, curl, deepmdp, dbc, mico or simsr.
+    /// What stands beside the critics' loss: none, curl, deepmdp, dbc, mico, simsr or sar.
     #[arg(long)]
     auxiliary: Option<Auxiliary>,
     /// Transitions a batch; of rsac and core, rows in all windows together.
@@ -113,6 +113,9 @@ impl ModelFreeArgs {
     fn options(&self) -> Result<AgentOptions> {
         let system = AgentOptions::system(&self.system(), self.size())?;
         let wanted = self.agent == AgentKind::Sac;
+        if self.auxiliary == Some(Auxiliary::Sar) && !wanted {
+            return Err(wrong("--auxiliary sar looks through an actor's features; it needs --agent sac".to_owned()));
+        }
         if system.has_actor() != wanted {
             let kind = if system.has_actor() { "sac" } else { "qt-opt" };
             return Err(wrong(format!("the system {} is of --agent {kind}; leave out one of the two", self.system())));

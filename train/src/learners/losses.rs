@@ -10,9 +10,11 @@
 //! | [`inverse`] | an action with what two latents tell about it | multi-step inverse |
 //! | [`transition`] | the next latent and the reward with their predictions | `DeepMDP` |
 //! | [`kl_constraint`] | posterior and prior, held at a target by a dual variable | `RePo` |
+//! | [`characteristic`] | the characteristic function of the next actions with what heads expect of it | SAR |
 //! | [`actor_critic`] | action values with their targets, the actor, the temperature | SAC, QT-Opt |
 
 pub mod actor_critic;
+pub mod characteristic;
 pub mod contrast;
 pub mod dbc;
 pub mod inverse;

@@ -64,7 +64,7 @@ impl AgentOptions {
     /// Rows of a window, and windows of a batch.
     pub fn windows(&self) -> [usize; 2] {
         match self {
-            Self::Stacks(options) => [window_length(options.stack), options.batch],
+            Self::Stacks(options) => [window_length(options.stack, options.auxiliary.sequence()), options.batch],
             Self::Recurrent(options) => [options.length, options.windows],
         }
     }

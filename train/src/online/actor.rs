@@ -4,7 +4,6 @@
 //! Weights are handed over once an episode, so what an episode holds depends on no clock; and simulation, drawing and acting run beside the
 //! updates on a core of their own.
 
-use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -67,6 +66,9 @@ pub(super) fn as_it_is(stage: &mut Stage<'_>, task: Task) -> Result<Lived> {
     stage.live(task)
 }
 
+/// What the thread does, in words.
+const WORK: &str = "acts in the environment and draws it";
+
 impl ActorThread {
     /// Starts the thread; it ends when this is dropped. `libraries` are training and held-out videos.
     pub fn start<'scope>(
@@ -92,7 +94,7 @@ impl ActorThread {
                 // A panic here (a driver's, say) becomes an error of the run, which keeps what it has. The stage is not used again.
                 let outcome = catch_unwind(AssertUnwindSafe(|| live(&mut stage, task)));
                 let is_gone = outcome.is_err();
-                let outcome = outcome.unwrap_or_else(|panic| Err(TrainError::ActorPanicked { panic: said(&*panic) }));
+                let outcome = outcome.unwrap_or_else(|panic| Err(TrainError::panicked(WORK, &*panic)));
                 if outbox.send(outcome).is_err() || is_gone {
                     return;
                 }
@@ -126,12 +128,6 @@ impl ActorThread {
         self.begin(task)?;
         self.outcome()
     }
-}
-
-/// What a panic said: its text, where it has one.
-fn said(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
-    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "without a word".to_owned())
 }
 
 /// What the thread owns: eyes are opened when they are first needed and stay on the thread, as an OpenGL context does.

@@ -88,7 +88,7 @@ fn a_thread_that_panics_is_an_error_with_its_words_and_the_run_goes_on_later() {
         let [undisturbed, shaken] = ["undisturbed", "shaken"].map(|name| folder.path().join(name));
         assert_eq!(train(&undisturbed, actor::as_it_is).unwrap(), End::Updates);
         let error = train(&shaken, struck).unwrap_err();
-        assert!(matches!(&error, TrainError::ActorPanicked { panic } if panic.contains("lost its context")), "{error}");
+        assert!(matches!(&error, TrainError::Panicked { panic, .. } if panic.contains("lost its context")), "{error}");
         let said = error.to_string();
         assert!(
             said.contains("everything up to the last checkpoint is kept") && said.contains("same command"),

@@ -1,4 +1,4 @@
-"""Oracles in float64 for what losses.json leaves out: multi-step inverse, DeepMDP, Huber critics, the cross-entropy search, CoRe. Needs numpy.
+"""Oracles in float64 for what losses.json leaves out: multi-step inverse, DeepMDP, Huber critics, the cross-entropy search, CoRe, SAR. Needs numpy.
 
 usage: python make_baselines.py SEED OUT.json
 Gradients are central differences in float64, so that they depend on the values' formulas alone.
@@ -80,5 +80,45 @@ case(
     ),
     ["expected", "features", "sharpness", "reward_prediction", "action_prediction", "mean", "prior_mean", "prior_std"],
 )
+
+# SAR's head and loss (DMU-XMU/SAR): two views of three rows, two next actions and rewards, frequencies from learned moments, three heads of which the best two count. Written row by row,
+# head by head, where the code makes one product.
+views, steps, samples, heads, best, hidden = 2, 2, 4, 3, 2, 6
+batch = rows // views
+
+
+def sar(features, actions, rewards, noise, center, spread, g, g_bias, r, r_bias, f, f_bias, w1, b1, w2, b2, w3, b3):
+    omega = center + noise * np.exp(-6 + 8 * np.tanh(spread))
+    silu = lambda x: x / (1 + np.exp(-x))
+    expected, own = np.zeros((heads, samples, rows, 2)), np.zeros((samples, rows, 2))
+    for s in range(samples):
+        for row in range(rows):
+            of_batch = row % batch
+            phase = omega[s] @ (actions[of_batch] @ g + g_bias)
+            own[s, row] = np.pi / 2 * np.cos(phase), np.pi / 2 * np.sin(phase)
+            seen = np.concatenate([features[row], rewards[of_batch] @ r + r_bias, omega[s] @ f + f_bias])
+            out = silu(silu(seen @ w1 + b1) @ w2 + b2) @ w3 + b3
+            expected[:, s, row, 0], expected[:, s, row, 1] = out[:heads], out[heads:]
+    squared = ((expected - own) ** 2).sum(-1).mean((1, 2))
+    vectors = lambda waves: np.stack([waves[:, i].T.reshape(-1) for i in range(batch)])
+    unit = lambda x: x / np.linalg.norm(x, axis=-1, keepdims=True)
+    entropies = np.zeros(heads)
+    for head in range(heads):
+        logits = unit(vectors(expected[head])) @ unit(vectors(own)).T / 0.1
+        entropies[head] = -np.mean([logits[i, i] - np.log(np.exp(logits[i]).sum()) for i in range(batch)])
+    return np.sort(squared)[:best].sum() * views + np.sort(entropies)[:best].sum()
+
+
+case(
+    "sar",
+    sar,
+    dict(
+        features=normal(rows, dims), actions=random.uniform(-1, 1, (batch, steps * width)), rewards=random.uniform(0, 1, (batch, steps)), noise=normal(samples, steps), center=normal(steps) * 0.3,
+        spread=np.arctanh(0.75) + normal(steps) * 0.05, g=normal(steps * width, steps) * 0.5, g_bias=normal(steps) * 0.3, r=normal(steps, steps) * 0.5, r_bias=normal(steps) * 0.3, f=normal(steps, steps) * 0.5, f_bias=normal(steps) * 0.3,
+        w1=normal(dims + 2 * steps, hidden) * 0.3, b1=normal(hidden) * 0.3, w2=normal(hidden, hidden) * 0.3, b2=normal(hidden) * 0.3, w3=normal(hidden, 2 * heads) * 0.5, b3=normal(2 * heads) * 0.3,
+    ),
+    ["features", "center", "spread", "g", "g_bias", "r", "r_bias", "f", "f_bias", "w1", "b1", "w2", "b2", "w3", "b3"],
+)
+cases["sar"]["in"].update(views=views, best=best)
 
 json.dump({"format": "vibes-golden-baselines/1", "seed": seed, "made_by": "make_baselines.py (numpy, float64)", "cases": cases}, open(out, "w"))

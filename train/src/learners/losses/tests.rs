@@ -1,10 +1,14 @@
 //! Every loss against numbers computed in float64 by other programs (`tests/golden/README.md`): values, and gradients where learning needs them.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use burn::module::Param;
 use burn::tensor::{Device, Gradients, Int, Tensor, TensorData};
 use serde_json::Value as Json;
 use vibes_model::cross_entropy::CrossEntropy;
+use vibes_model::linear::Linear;
+use vibes_model::mlp::Mlp;
 use vibes_model::parameters::to_values;
+use vibes_model::sac::characteristic::Characteristic;
 
 use super::*;
 use crate::learners::losses::dbc::NextLatent;
@@ -130,6 +134,49 @@ fn what_stands_beside_the_critics_in_core() {
     let loss = model_losses::of(predicted, features, line("reward"), wide("action"), &free);
     let of_mean = beliefs.mean.grad(&loss.backward()).map_or(0.0, |gradient| gradient.abs().max().into_scalar());
     assert_eq!(of_mean, 0.0);
+}
+
+/// The head's forward pass too: the oracle computes it row by row.
+#[test]
+fn characteristic_functions_of_actions() {
+    let case = own("sar");
+    let (wide, line) = (|name: &str| case.input::<2>(name), |name: &str| case.input::<1>(name));
+    let linear = |weight: &str, bias: &str| Linear {
+        weight: Param::from_tensor(wide(weight)),
+        bias: Param::from_tensor(line(bias)),
+    };
+    let head = Characteristic {
+        actions: linear("g", "g_bias"),
+        rewards: linear("r", "r_bias"),
+        frequency: linear("f", "f_bias"),
+        predictor: Mlp { first: linear("w1", "b1"), second: linear("w2", "b2"), last: linear("w3", "b3") },
+        center: Param::from_tensor(line("center")),
+        spread: Param::from_tensor(line("spread")),
+    };
+    let (features, views) = (wide("features"), case.number("views") as usize);
+    let all_views = |name: &str| wide(name).repeat_dim(0, views);
+    let frequencies = head.frequencies(wide("noise"));
+    let expected = head.expected(features.clone(), all_views("rewards"), frequencies.clone());
+    let own = head.own(frequencies, all_views("actions"));
+    let loss = characteristic::loss(expected, own, views, case.number("best") as usize);
+    case.is_out("loss", loss.clone());
+    let gradients = loss.backward();
+    case.is_gradient("features", &features, &gradients);
+    let Mlp { first, second, last } = &head.predictor;
+    let layers = [
+        (["g", "g_bias"], &head.actions),
+        (["r", "r_bias"], &head.rewards),
+        (["f", "f_bias"], &head.frequency),
+        (["w1", "b1"], first),
+        (["w2", "b2"], second),
+        (["w3", "b3"], last),
+    ];
+    for ([weight, bias], layer) in layers {
+        case.is_gradient(weight, &layer.weight.val(), &gradients);
+        case.is_gradient(bias, &layer.bias.val(), &gradients);
+    }
+    case.is_gradient("center", &head.center.val(), &gradients);
+    case.is_gradient("spread", &head.spread.val(), &gradients);
 }
 
 #[test]

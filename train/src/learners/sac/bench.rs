@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use vibes_model::sac::SacNetworks;
 
 use super::options::SacOptions;
-use super::transitions::Transitions;
+use super::transitions::{Ahead, Transitions};
 use super::update::SacLearner;
 use crate::error::Result;
 
@@ -30,7 +30,14 @@ pub fn bench(options: &SacOptions, picture: usize, actions: usize, repeats: usiz
         next_stacks: stacks(),
         actions: (0..options.batch * actions).map(|_| rng.random_range(-1.0..1.0)).collect(),
         rewards: (0..options.batch).map(|_| rng.random()).collect(),
+        ahead: None,
     };
+    let ahead = (config.sequence > 0).then(|| Ahead {
+        steps: config.sequence,
+        stacks: batch.stacks.repeat(config.sequence),
+        rewards: (0..options.batch * config.sequence).map(|_| rng.random()).collect(),
+    });
+    let batch = Transitions { ahead, ..batch };
     let mut learner = SacLearner::new(SacNetworks::init(config, &mut rng, device)?, device);
     let mut times = Vec::with_capacity(repeats);
     for made in 0..=repeats as u64 {

@@ -1,7 +1,7 @@
 //! What a model-free agent can be asked for, and the systems of the paper's table by name. In: a system's name, a size. Out: options.
 //!
 //! Facts of each system are from its own repository: `MishaLaskin/rad` and curl, denisyarats/drq, tensorflow/agents (QT-Opt), `facebookresearch/deep_bisim4control`,
-//! google-research's `MICo`, bit1029public/SimSR.
+//! google-research's `MICo`, bit1029public/SimSR, DMU-XMU/SAR.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,6 +9,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 use vibes_model::cross_entropy::CrossEntropy;
 use vibes_model::sac::SacConfig;
+use vibes_model::sac::config::LOG_STD_MIN;
 
 use super::augment::Augment;
 use crate::error::{Result, TrainError};
@@ -32,11 +33,21 @@ pub enum Auxiliary {
     /// The cosine distance, with sampled next features.
     #[serde(rename = "simsr")]
     SimSr,
+    /// The characteristic function of the policy's next actions is expected from the actor's features and the next rewards.
+    #[serde(rename = "sar")]
+    Sar,
 }
+
+/// Steps whose actions and rewards SAR looks at (DMU-XMU/SAR: config/auxiliary.yaml).
+const SEQUENCE: usize = 5;
+/// Frequencies that SAR draws for every update, as published; the code's other setting is 128.
+pub const FREQUENCIES: usize = 256;
+/// Lower bound of the logarithm of the actor's standard deviation, SAR's.
+const LOG_STD_MIN_SAR: f32 = -5.0;
 
 impl Auxiliary {
     /// Every one.
-    pub const ALL: [Self; 6] = [Self::None, Self::Curl, Self::DeepMdp, Self::Dbc, Self::Mico, Self::SimSr];
+    pub const ALL: [Self; 7] = [Self::None, Self::Curl, Self::DeepMdp, Self::Dbc, Self::Mico, Self::SimSr, Self::Sar];
 
     /// Its name on the command line and in files.
     pub fn name(self) -> &'static str {
@@ -47,7 +58,13 @@ impl Auxiliary {
             Self::Dbc => "dbc",
             Self::Mico => "mico",
             Self::SimSr => "simsr",
+            Self::Sar => "sar",
         }
+    }
+
+    /// Steps from a transition on that it looks at; 0 where the transition is enough.
+    pub fn sequence(self) -> usize {
+        if self == Self::Sar { SEQUENCE } else { 0 }
     }
 
     /// Whether it needs a model of the next features and the reward.
@@ -119,6 +136,9 @@ pub struct SacOptions {
     pub iterations: usize,
     /// Share of random actions while collecting, where there is no actor.
     pub random_share: f64,
+    /// Frequencies that are drawn for every update, where a characteristic function is expected (SAR); 256 where nothing is said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frequencies: Option<usize>,
 }
 
 /// How large a machine a system is meant for; results are labelled by it.
@@ -140,11 +160,14 @@ impl fmt::Display for Size {
     }
 }
 
+/// Frequencies of SAR at the size for a few cores.
+const SMALL_FREQUENCIES: usize = 32;
+
 /// A system's name and its options.
 pub type System = (&'static str, fn() -> SacOptions);
 
 /// A system's options by its name.
-pub const SYSTEMS: [System; 9] = [
+pub const SYSTEMS: [System; 10] = [
     ("sac-rad", sac_rad),
     ("sac-drq", sac_drq),
     ("qt-opt-rad", qt_opt_rad),
@@ -154,6 +177,7 @@ pub const SYSTEMS: [System; 9] = [
     ("dbc", dbc),
     ("mico", mico),
     ("simsr", simsr),
+    ("sar", sar),
 ];
 
 impl SacOptions {
@@ -169,7 +193,10 @@ impl SacOptions {
         let options = (made.1)();
         Ok(match size {
             Size::Paper => options,
-            Size::Small => Self { batch: 128, hidden: 256, views: 1, next_views: 1, ..options },
+            Size::Small => {
+                let frequencies = options.frequencies.map(|_| SMALL_FREQUENCIES);
+                Self { batch: 128, hidden: 256, views: 1, next_views: 1, frequencies, ..options }
+            }
         })
     }
 }
@@ -192,6 +219,8 @@ impl SacOptions {
             random_share: self.random_share as f32,
             bilinear: self.auxiliary == Auxiliary::Curl,
             transition: self.auxiliary.has_transition(),
+            sequence: self.auxiliary.sequence(),
+            log_std_min: if self.auxiliary == Auxiliary::Sar { LOG_STD_MIN_SAR } else { LOG_STD_MIN },
         }
     }
 }
@@ -220,6 +249,7 @@ fn sac_rad() -> SacOptions {
         elites: 4,
         iterations: 3,
         random_share: 0.1,
+        frequencies: None,
     }
 }
 
@@ -249,6 +279,17 @@ fn dbc() -> SacOptions {
 
 fn simsr() -> SacOptions {
     SacOptions { auxiliary: Auxiliary::SimSr, ..deepmdp() }
+}
+
+fn sar() -> SacOptions {
+    SacOptions {
+        auxiliary: Auxiliary::Sar,
+        batch: 256,
+        lr: 5e-4,
+        temperature_lr: 5e-4,
+        frequencies: Some(FREQUENCIES),
+        ..sac_drq()
+    }
 }
 
 fn mico() -> SacOptions {

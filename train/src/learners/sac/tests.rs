@@ -10,7 +10,7 @@ use vibes_model::sac::{SacAgent, SacNetworks};
 
 use super::augment::Augment;
 use super::options::{Auxiliary, SYSTEMS, SacOptions, Size};
-use super::transitions::Transitions;
+use super::transitions::{Ahead, Transitions};
 use super::update::SacLearner;
 
 const SIDE: usize = 16;
@@ -19,7 +19,8 @@ fn options(system: &str) -> SacOptions {
     let options = SacOptions::system(system, Size::Small).unwrap();
     // A crop of so small a picture would leave less than the convolutions need.
     let augment = if options.augment == Augment::Crop { Augment::Shift } else { options.augment };
-    SacOptions { batch: 32, hidden: 32, feature: 16, samples: 16, actor_every: 1, augment, ..options }
+    let frequencies = options.frequencies.map(|_| 8);
+    SacOptions { batch: 32, hidden: 32, feature: 16, samples: 16, actor_every: 1, augment, frequencies, ..options }
 }
 
 fn learner(options: &SacOptions) -> SacLearner {
@@ -42,6 +43,7 @@ fn transitions(options: &SacOptions, rng: &mut impl Rng) -> Transitions {
         next_stacks: Vec::new(),
         actions: Vec::new(),
         rewards: Vec::new(),
+        ahead: None,
     };
     for _ in 0..options.batch {
         let level: u8 = rng.random();
@@ -51,6 +53,14 @@ fn transitions(options: &SacOptions, rng: &mut impl Rng) -> Transitions {
         made.actions.push(action);
         made.rewards.push(1.0 - (2.0 * action - best(level)).powi(2));
     }
+    let steps = options.auxiliary.sequence();
+    // Every step ahead looks like the next one and earns what this one does.
+    let rewards = |reward: &f32| vec![*reward; steps];
+    made.ahead = (steps > 0).then(|| Ahead {
+        steps,
+        stacks: [made.stacks.clone(), made.next_stacks.repeat(steps - 1)].concat(),
+        rewards: made.rewards.iter().flat_map(rewards).collect(),
+    });
     made
 }
 
@@ -69,7 +79,7 @@ fn distance(learner: &SacLearner) -> f32 {
 
 #[test]
 fn the_best_action_is_found_where_it_is_known() {
-    for system in ["sac-drq", "qt-opt-drq", "curl"] {
+    for system in ["sac-drq", "qt-opt-drq", "curl", "sar"] {
         let options = SacOptions { discount: 0.0, lr: 2e-3, temperature_lr: 1e-2, ..options(system) };
         let mut learner = learner(&options);
         let mut rng = ChaCha8Rng::seed_from_u64(6);

@@ -29,15 +29,28 @@ pub struct Transitions {
     pub actions: Vec<f32>,
     /// `[rows]`
     pub rewards: Vec<f32>,
+    /// The stacks and rewards of the next steps, where something looks at them.
+    pub ahead: Option<Ahead>,
 }
 
-/// Rows of a window that one transition is made of.
-pub fn window_length(stack: usize) -> usize {
-    stack + 1
+/// What follows the stacks before the actions, those and their rewards included.
+#[derive(Debug, Clone)]
+pub struct Ahead {
+    /// How many steps.
+    pub steps: usize,
+    /// `[steps, rows, height, width, channels]`
+    pub stacks: Vec<u8>,
+    /// `[rows, steps]`
+    pub rewards: Vec<f32>,
+}
+
+/// Rows of a window that one transition is made of, and the `sequence` of steps from it on.
+pub fn window_length(stack: usize, sequence: usize) -> usize {
+    stack + sequence.saturating_sub(1).max(1)
 }
 
 impl Transitions {
-    /// One transition of every window, whose length must be [`window_length`]. In a window in mid-episode the stack is full just before its last row; one that begins
+    /// One transition of every window, whose length must be [`window_length`]. In a window in mid-episode the transition is the first whose stack is full; one that begins
     /// its episode also stands for the episode's first steps, whose stacks are filled up with the first picture, each equally likely.
     ///
     /// # Errors
@@ -45,12 +58,12 @@ impl Transitions {
     pub fn of_windows(windows: &WindowBatch, config: &SacConfig, rng: &mut impl Rng) -> Result<Self> {
         let (stack, rows) = (config.stack, windows.batch);
         let frame = 3 * config.picture[0] * config.picture[1];
-        if windows.length != window_length(stack) || windows.pixels.len() != windows.length * rows * frame {
+        let length = window_length(stack, config.sequence);
+        if windows.length != length || windows.pixels.len() != windows.length * rows * frame {
             return Err(TrainError::Options(format!(
-                "windows of {} rows with {} bytes a picture; wanted {} rows with {frame} bytes",
+                "windows of {} rows with {} bytes a picture; wanted {length} rows with {frame} bytes",
                 windows.length,
                 windows.pixels.len() / (windows.length * rows).max(1),
-                window_length(stack),
             )));
         }
         let mut made = Self {
@@ -60,20 +73,33 @@ impl Transitions {
             next_stacks: Vec::new(),
             actions: Vec::new(),
             rewards: Vec::new(),
+            ahead: None,
         };
         let width = config.actions();
-        for window in 0..rows {
-            let step = if windows.is_first[window] { rng.random_range(0..stack) } else { stack - 1 };
+        let steps: Vec<usize> = (0..rows)
+            .map(|window| if windows.is_first[window] { rng.random_range(0..stack) } else { stack - 1 })
+            .collect();
+        let stacked = |window: usize, last: usize, out: &mut Vec<u8>| {
             let picture = |step: usize| &windows.pixels[(step * rows + window) * frame..][..frame];
-            let stacked = |last: usize, out: &mut Vec<u8>| {
-                let frames: Vec<&[u8]> = (0..stack).rev().map(|back| picture(last.saturating_sub(back))).collect();
-                interleave(&frames, out);
-            };
-            stacked(step, &mut made.stacks);
-            stacked(step + 1, &mut made.next_stacks);
+            let frames: Vec<&[u8]> = (0..stack).rev().map(|back| picture(last.saturating_sub(back))).collect();
+            interleave(&frames, out);
+        };
+        for (window, &step) in steps.iter().enumerate() {
+            stacked(window, step, &mut made.stacks);
+            stacked(window, step + 1, &mut made.next_stacks);
             let row = step * rows + window;
             made.actions.extend_from_slice(&windows.actions[row * width..(row + 1) * width]);
             made.rewards.push(windows.rewards[row]);
+        }
+        if config.sequence > 0 {
+            let mut ahead = Ahead { steps: config.sequence, stacks: Vec::new(), rewards: Vec::new() };
+            for further in 0..config.sequence {
+                steps.iter().enumerate().for_each(|(window, step)| stacked(window, step + further, &mut ahead.stacks));
+            }
+            for (window, step) in steps.iter().enumerate() {
+                ahead.rewards.extend((0..config.sequence).map(|k| windows.rewards[(step + k) * rows + window]));
+            }
+            made.ahead = Some(ahead);
         }
         scale::actions(&mut made.actions, &config.action_min, &config.action_max);
         Ok(made)
@@ -101,15 +127,43 @@ impl Transitions {
     }
 }
 
+impl Ahead {
+    /// The stacks as they are looked at without variation: `[steps · rows, view height, view width, channels]`, one step after the other.
+    pub fn plain(&self, shape: [usize; 3], augment: Augment, device: &Device) -> Tensor<4, Int> {
+        let middle = augment.middle([shape[0], shape[1]]);
+        cut_all(&self.stacks, shape, augment, || middle, device)
+    }
+
+    /// The rewards of each step as columns, each step's `discount` times that of the one before: `[rows, steps]`.
+    pub fn rewards(&self, discount: f32, device: &Device) -> Tensor<2> {
+        let weighed = self
+            .rewards
+            .chunks_exact(self.steps)
+            .flat_map(|rewards| rewards.iter().enumerate().map(|(step, reward)| reward * discount.powi(step as i32)));
+        let rows = self.rewards.len() / self.steps.max(1);
+        Tensor::from_data(TensorData::new(weighed.collect::<Vec<f32>>(), [rows, self.steps]), device)
+    }
+}
+
 /// A view of every stack, each cut at a place of its own that all its pictures share.
 fn views(stacks: &[u8], shape: [usize; 3], augment: Augment, rng: &mut impl Rng, device: &Device) -> Tensor<4, Int> {
+    cut_all(stacks, shape, augment, || augment.draw([shape[0], shape[1]], rng), device)
+}
+
+/// Every stack cut at its place.
+fn cut_all(
+    stacks: &[u8],
+    shape: [usize; 3],
+    augment: Augment,
+    mut place: impl FnMut() -> [i32; 2],
+    device: &Device,
+) -> Tensor<4, Int> {
     let [height, width, channels] = shape;
     let size = augment.size([height, width]);
     let stack = height * width * channels;
     let mut out = Vec::with_capacity(stacks.len() / stack.max(1) * size[0] * size[1] * channels);
     for stack in stacks.chunks_exact(stack) {
-        let place = augment.draw([height, width], rng);
-        cut(stack, shape, place, size, Border::Repeated, &mut out);
+        cut(stack, shape, place(), size, Border::Repeated, &mut out);
     }
     let rows = stacks.len() / stack.max(1);
     pixel_tensor(out, [rows, size[0], size[1], channels], device)
@@ -129,6 +183,8 @@ mod tests {
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
+    use vibes_model::sac::config::LOG_STD_MIN;
+
     use super::*;
 
     fn config() -> SacConfig {
@@ -146,12 +202,14 @@ mod tests {
             random_share: 0.0,
             bilinear: false,
             transition: false,
+            sequence: 0,
+            log_std_min: LOG_STD_MIN,
         }
     }
 
-    /// Two windows of four rows; every byte of a picture is its step, plus 100 in the second window; rewards and actions say their step too.
-    fn windows(is_first: bool) -> WindowBatch {
-        let (length, batch) = (4, 2);
+    /// Two windows of some rows; every byte of a picture is its step, plus 100 in the second window; rewards and actions say their step too.
+    fn windows(is_first: bool, length: usize) -> WindowBatch {
+        let batch = 2;
         let rows = || (0..length).flat_map(|step| (0..batch).map(move |window| (step, window)));
         WindowBatch {
             length,
@@ -169,7 +227,7 @@ mod tests {
     #[test]
     fn stacks_actions_and_rewards_are_of_one_step() {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let made = Transitions::of_windows(&windows(false), &config(), &mut rng).unwrap();
+        let made = Transitions::of_windows(&windows(false, 4), &config(), &mut rng).unwrap();
         let pixel = |steps: [u8; 3]| steps.map(|step| [step; 3]).concat();
         assert_eq!(made.stacks[..9], pixel([0, 1, 2]));
         assert_eq!(made.next_stacks[..9], pixel([1, 2, 3]));
@@ -183,7 +241,7 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         let mut counts = [0_u32; 3];
         for _ in 0..600 {
-            let made = Transitions::of_windows(&windows(true), &config(), &mut rng).unwrap();
+            let made = Transitions::of_windows(&windows(true, 4), &config(), &mut rng).unwrap();
             let step = made.rewards[0] as usize;
             counts[step] += 1;
             let wanted: Vec<u8> = [2, 1, 0].iter().flat_map(|back| [step.saturating_sub(*back) as u8; 3]).collect();
@@ -193,10 +251,32 @@ mod tests {
     }
 
     #[test]
+    fn what_follows_is_of_the_next_steps() {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let config = SacConfig { sequence: 3, ..config() };
+        for is_first in [false, true] {
+            let made = Transitions::of_windows(&windows(is_first, 5), &config, &mut rng).unwrap();
+            let ahead = made.ahead.as_ref().unwrap();
+            let (size, device) = (made.stacks.len(), Device::flex());
+            assert_eq!(
+                (&ahead.stacks[..size], &ahead.stacks[size..2 * size]),
+                (&made.stacks[..], &made.next_stacks[..])
+            );
+            let first = made.rewards[0];
+            assert_eq!(ahead.rewards[..3], [first, first + 1.0, first + 2.0]);
+            assert_eq!(ahead.stacks[2 * size..][..9].iter().max(), Some(&(first as u8 + 2)));
+            let pictures = ahead.plain(made.shape, Augment::Shift, &device);
+            assert_eq!(pictures.dims(), [6, 2, 1, 9]);
+            let rewards = vibes_model::parameters::to_values(ahead.rewards(0.5, &device));
+            assert_eq!(rewards[..3], [first, (first + 1.0) * 0.5, (first + 2.0) * 0.25]);
+        }
+    }
+
+    #[test]
     fn windows_of_another_length_are_refused() {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let other = SacConfig { stack: 2, ..config() };
-        let error = Transitions::of_windows(&windows(false), &other, &mut rng).unwrap_err().to_string();
+        let error = Transitions::of_windows(&windows(false, 4), &other, &mut rng).unwrap_err().to_string();
         assert!(error.contains("wanted 3 rows"), "{error}");
     }
 }

@@ -10,7 +10,7 @@
 //! looks through the critics' convolutions, whose maps are constants to it.
 
 use burn::module::Module;
-use burn::tensor::{Device, Int, Tensor};
+use burn::tensor::{Device, Gradients, Int, Tensor};
 use rand::Rng;
 use vibes_model::actions::noise;
 use vibes_model::sac::SacNetworks;
@@ -148,8 +148,10 @@ impl SacLearner {
     ) -> Result<Self> {
         let device = self.device.clone().autodiff();
         let actions = batch.actions(&device);
+        let maps: Vec<Tensor<2>> =
+            views.iter().map(|pixels| self.networks.critic.convolutions.forward(pixels.clone())).collect();
         let features: Vec<Tensor<2>> =
-            views.iter().map(|pixels| self.networks.critic.features(pixels.clone())).collect();
+            maps.iter().map(|maps| self.networks.critic.trunk.forward(maps.clone())).collect();
         let of_view = |features: &Tensor<2>| {
             let values = self.networks.critic.values(features.clone(), actions.clone());
             if self.networks.config.search.is_none() {
@@ -163,7 +165,7 @@ impl SacLearner {
             loss = loss + of_view(features);
         }
         measures.critic_loss = finite("the critics' loss", scalar(&loss))?;
-        let moment = Moment { features: features[0].clone(), actions, batch, options };
+        let moment = Moment { features: features[0].clone(), maps, actions, batch, options };
         if let Some(auxiliary) = auxiliary_loss(&self.networks, &moment, &self.device, rng)? {
             measures.auxiliary_loss = Some(finite("the auxiliary loss", scalar(&auxiliary))?);
             loss = loss + auxiliary * options.auxiliary_weight as f32;
@@ -174,7 +176,18 @@ impl SacLearner {
         let of_further = NamedGradients::take(&self.networks.further, &mut gradients);
         self.networks.critic = self.optimizers.critic.step(self.networks.critic, of_critic, options.lr, NO_CLIP);
         self.networks.further = self.optimizers.further.step(self.networks.further, of_further, options.lr, NO_CLIP);
+        if options.auxiliary.sequence() > 0 {
+            self = self.trunk_step(&mut gradients, options);
+        }
         Ok(self)
+    }
+
+    /// What stands beside the critics' loss looks through the actor's trunk, which learns from it by the actor's Adam.
+    fn trunk_step(mut self, gradients: &mut Gradients, options: &SacOptions) -> Self {
+        let Some(actor) = self.networks.actor.take() else { return self };
+        let of_trunk = NamedGradients::take(&actor, gradients);
+        self.networks.actor = Some(self.optimizers.actor.step(actor, of_trunk, options.lr, NO_CLIP));
+        self
     }
 
     fn actor_step(
