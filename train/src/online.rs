@@ -216,7 +216,7 @@ fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'
     std::thread::scope(|scope| {
         let acting = ActorThread::living(live, scope, &options.world, libraries, replay.writer());
         let mut training = Training { setup, acting, session, state, replay };
-        let end = training.from_start(resumed, listen);
+        let end = training.begin_and_run(resumed, listen);
         if end.is_err() {
             // What was lived through is listed in the recording, whatever ended the run; what ended it is what is told.
             training.replay.complete().ok();
@@ -241,7 +241,7 @@ struct Round {
 }
 
 impl Training<'_> {
-    fn from_start(&mut self, resumed: Option<Resumed>, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
+    fn begin_and_run(&mut self, resumed: Option<Resumed>, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
         let learners = match resumed {
             Some(resumed) => (resumed.learner, resumed.behaviour),
             None => self.begin(listen)?,

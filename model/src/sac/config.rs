@@ -57,7 +57,7 @@ fn least_log_std() -> f32 {
 
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
 fn is_least_log_std(bound: &f32) -> bool {
-    *bound == LOG_STD_MIN
+    bound.to_bits() == LOG_STD_MIN.to_bits()
 }
 
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
