@@ -1,6 +1,5 @@
 //! Actor, critic and the critic's slow copy, and their file beside a model's: `behaviour.safetensors`, with the [`BehaviourConfig`] as JSON in its metadata.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use burn::module::Module;
@@ -8,7 +7,7 @@ use burn::tensor::Device;
 use rand::{Rng, SeedableRng};
 
 use crate::actor::Actor;
-use crate::checkpoint::{load_tensors, not_a_checkpoint, save_tensors};
+use crate::checkpoint::{load_described, save_described};
 use crate::config::{BehaviourConfig, ModelConfig};
 use crate::critic::Critic;
 use crate::error::ModelError;
@@ -43,8 +42,7 @@ impl Behaviour {
         let mut tensors = read_parameters(&self.actor, "actor");
         tensors.extend(read_parameters(&self.critic, "critic"));
         tensors.extend(read_parameters(&self.slow, "slow_critic"));
-        let config = serde_json::to_string(&self.config).map_err(|error| not_a_checkpoint(path, error))?;
-        save_tensors(path, &tensors, HashMap::from([("config".to_owned(), config)]))
+        save_described(path, &tensors, ("config", &self.config))
     }
 
     /// Reads the file of a model's actor and critic.
@@ -52,10 +50,7 @@ impl Behaviour {
     /// # Errors
     /// The file is missing or damaged, or belongs to a model of other sizes.
     pub fn load(path: &Path, model: &ModelConfig, device: &Device) -> Result<Self, ModelError> {
-        let (tensors, metadata) = load_tensors(path)?;
-        let config =
-            metadata.get("config").ok_or_else(|| not_a_checkpoint(path, "it has no metadata entry `config`"))?;
-        let config: BehaviourConfig = serde_json::from_str(config).map_err(|error| not_a_checkpoint(path, error))?;
+        let (tensors, config): (_, BehaviourConfig) = load_described(path, "config")?;
         // The first values are overwritten, so any generator does.
         let first = Self::init(model, config, &mut rand_chacha::ChaCha8Rng::seed_from_u64(0), device);
         Ok(Self {

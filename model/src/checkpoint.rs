@@ -11,6 +11,7 @@ use half::f16;
 use half::slice::HalfFloatSliceExt;
 use rand::SeedableRng;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::{Serialize, de::DeserializeOwned};
 
 use crate::config::ModelConfig;
 use crate::error::ModelError;
@@ -27,8 +28,7 @@ impl Model {
         if let Some(adversary) = &self.adversary {
             tensors.extend(read_parameters(adversary, "adversary"));
         }
-        let config = serde_json::to_string(&self.config).map_err(|error| not_a_checkpoint(path, error))?;
-        save_tensors(path, &tensors, HashMap::from([("config".to_owned(), config)]))
+        save_described(path, &tensors, ("config", &self.config))
     }
 
     /// Builds the model a file describes and reads its weights.
@@ -36,10 +36,7 @@ impl Model {
     /// # Errors
     /// The file is missing, is not a checkpoint, or its tensors do not fit its own description.
     pub fn load(path: &Path, device: &Device) -> Result<Self, ModelError> {
-        let (tensors, metadata) = load_tensors(path)?;
-        let config =
-            metadata.get("config").ok_or_else(|| not_a_checkpoint(path, "it has no metadata entry `config`"))?;
-        let config: ModelConfig = serde_json::from_str(config).map_err(|error| not_a_checkpoint(path, error))?;
+        let (tensors, config): (_, ModelConfig) = load_described(path, "config")?;
         // The first values are overwritten, so any generator does.
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(0);
         Self::init(config, &mut rng, device)?.with_parameters(&tensors)
@@ -55,6 +52,25 @@ impl Model {
             self.adversary.map(|adversary| write_parameters(adversary, "adversary", tensors)).transpose()?;
         Ok(Self { config: self.config, world, adversary })
     }
+}
+
+/// Writes tensors and what is needed to build their module, as JSON in a metadata entry of this name.
+pub(crate) fn save_described(
+    path: &Path,
+    tensors: &HostTensors,
+    (entry, config): (&str, &impl Serialize),
+) -> Result<(), ModelError> {
+    let config = serde_json::to_string(config).map_err(|error| not_a_checkpoint(path, error))?;
+    save_tensors(path, tensors, HashMap::from([(entry.to_owned(), config)]))
+}
+
+/// Reads a file of [`save_described`].
+pub(crate) fn load_described<C: DeserializeOwned>(path: &Path, entry: &str) -> Result<(HostTensors, C), ModelError> {
+    let (tensors, metadata) = load_tensors(path)?;
+    let config = metadata.get(entry);
+    let config = config.ok_or_else(|| not_a_checkpoint(path, format!("it has no metadata entry `{entry}`")))?;
+    let config = serde_json::from_str(config).map_err(|error| not_a_checkpoint(path, error))?;
+    Ok((tensors, config))
 }
 
 /// Writes tensors and text metadata as one safetensors file.

@@ -2,7 +2,6 @@
 //! In: latents and actions. Out: how far the heads disagree. Where all have seen much they agree; where few have, each goes on in its own way. It keeps
 //! its own file beside a model's, `guard.safetensors`, with the [`GuardConfig`] as JSON in its metadata.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use burn::module::Module;
@@ -11,7 +10,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::checkpoint::{load_tensors, not_a_checkpoint, save_tensors};
+use crate::checkpoint::{load_described, save_described};
 use crate::config::ModelConfig;
 use crate::error::ModelError;
 use crate::mlp::{Mlp, MlpConfig};
@@ -77,9 +76,7 @@ impl Guard {
     /// # Errors
     /// The file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), ModelError> {
-        let config = serde_json::to_string(&self.config).map_err(|error| not_a_checkpoint(path, error))?;
-        let tensors = read_parameters(&self.members, "guard");
-        save_tensors(path, &tensors, HashMap::from([("config".to_owned(), config)]))
+        save_described(path, &read_parameters(&self.members, "guard"), ("config", &self.config))
     }
 
     /// Reads the file of a model's guard.
@@ -87,10 +84,7 @@ impl Guard {
     /// # Errors
     /// The file is missing or damaged, or belongs to a model of other sizes.
     pub fn load(path: &Path, model: &ModelConfig, device: &Device) -> Result<Self, ModelError> {
-        let (tensors, metadata) = load_tensors(path)?;
-        let config =
-            metadata.get("config").ok_or_else(|| not_a_checkpoint(path, "it has no metadata entry `config`"))?;
-        let config: GuardConfig = serde_json::from_str(config).map_err(|error| not_a_checkpoint(path, error))?;
+        let (tensors, config): (_, GuardConfig) = load_described(path, "config")?;
         // The first values are overwritten, so any generator does.
         let first = Self::init(model, config.members, &mut ChaCha8Rng::seed_from_u64(0), device);
         Ok(Self { config, members: write_parameters(first.members, "guard", &tensors)? })

@@ -1,6 +1,5 @@
 //! All networks of a recurrent agent in one place, and their file. In: sizes, or a checkpoint. Out: what a learner trains and an agent acts with.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use burn::module::Module;
@@ -9,7 +8,7 @@ use rand::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
 
 use crate::actions::{ActionDistribution, Actions};
-use crate::checkpoint::{load_tensors, not_a_checkpoint, save_tensors};
+use crate::checkpoint::{load_described, save_described};
 use crate::config::ModelConfig;
 use crate::error::ModelError;
 use crate::init::constant;
@@ -122,8 +121,7 @@ impl RecurrentNetworks {
         tensors.extend(read_parameters(&self.slow, "slow"));
         tensors.extend(read_parameters(&self.actor, "actor"));
         tensors.extend(read_parameters(&self.temperature, "temperature"));
-        let config = serde_json::to_string(&self.config).map_err(|error| not_a_checkpoint(path, error))?;
-        save_tensors(path, &tensors, HashMap::from([("recurrent".to_owned(), config)]))
+        save_described(path, &tensors, ("recurrent", &self.config))
     }
 
     /// Builds the networks a file describes and reads their weights.
@@ -131,10 +129,7 @@ impl RecurrentNetworks {
     /// # Errors
     /// The file is missing, is not such a checkpoint, or its tensors do not fit its own description.
     pub fn load(path: &Path, device: &Device) -> Result<Self, ModelError> {
-        let (tensors, metadata) = load_tensors(path)?;
-        let config = metadata.get("recurrent");
-        let config = config.ok_or_else(|| not_a_checkpoint(path, "it has no metadata entry `recurrent`"))?;
-        let config: RecurrentConfig = serde_json::from_str(config).map_err(|error| not_a_checkpoint(path, error))?;
+        let (tensors, config): (_, RecurrentConfig) = load_described(path, "recurrent")?;
         // The first values are overwritten, so any generator does.
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(0);
         let new = Self::init(config, &mut rng, device)?;

@@ -1,6 +1,5 @@
 //! All networks of a model-free agent in one place, and their file. In: sizes, or a checkpoint. Out: what a learner trains and an agent acts with.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use burn::module::{Module, Param};
@@ -12,7 +11,7 @@ use super::characteristic::Characteristic;
 use super::config::SacConfig;
 use super::critic::TwinCritic;
 use super::features::{orthogonal_linear, orthogonal_mlp};
-use crate::checkpoint::{load_tensors, not_a_checkpoint, save_tensors};
+use crate::checkpoint::{load_described, save_described};
 use crate::error::ModelError;
 use crate::init::constant;
 use crate::linear::Linear;
@@ -106,8 +105,7 @@ impl SacNetworks {
         if let Some(actor) = &self.actor {
             tensors.extend(read_parameters(actor, "actor"));
         }
-        let config = serde_json::to_string(&self.config).map_err(|error| not_a_checkpoint(path, error))?;
-        save_tensors(path, &tensors, HashMap::from([("sac".to_owned(), config)]))
+        save_described(path, &tensors, ("sac", &self.config))
     }
 
     /// Builds the networks a file describes and reads their weights.
@@ -115,9 +113,7 @@ impl SacNetworks {
     /// # Errors
     /// The file is missing, is not such a checkpoint, or its tensors do not fit its own description.
     pub fn load(path: &Path, device: &Device) -> Result<Self, ModelError> {
-        let (tensors, metadata) = load_tensors(path)?;
-        let config = metadata.get("sac").ok_or_else(|| not_a_checkpoint(path, "it has no metadata entry `sac`"))?;
-        let config: SacConfig = serde_json::from_str(config).map_err(|error| not_a_checkpoint(path, error))?;
+        let (tensors, config): (_, SacConfig) = load_described(path, "sac")?;
         // The first values are overwritten, so any generator does.
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(0);
         let new = Self::init(config, &mut rng, device)?;
