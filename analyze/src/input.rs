@@ -2,6 +2,7 @@
 //!
 //! Everything is checked here, once: the modules behind it trust what they get.
 
+mod choices;
 mod columns;
 mod found;
 mod frames;
@@ -16,6 +17,7 @@ mod tests;
 
 use std::path::PathBuf;
 
+pub use choices::choices;
 pub use columns::UserColumn;
 pub use found::{find_latents, find_recording, newest_latents};
 pub use frames::Frames;

@@ -4,6 +4,11 @@
 /// What the dynamics gap of a held-out grid is called: how far the latents are from a bisimulation.
 pub const DYNAMICS_GAP: &str = "held_out.gaps.dynamics_gap";
 
+/// What stands before and behind the name of a number of a held-out grid, as in `held_out.numbers.state_share.estimate`.
+pub const NUMBERS: &str = "held_out.numbers.";
+/// See [`NUMBERS`].
+pub const ESTIMATE: &str = ".estimate";
+
 /// What the mean return of evaluations on held-out videos is called.
 pub const HELD_OUT_RETURN: &str = "held_out.held_out.mean_return";
 
@@ -31,6 +36,9 @@ const KNOWN: [(&str, &str, bool); 16] = [
     ("held_out.numbers.state_share.estimate", "held-out state_share", true),
 ];
 
+/// What is in the names of metrics of which a lower number is better.
+const LOW: [&str; 6] = ["gap", "loss", "error", "distractor_share", "within_state_share", "shuffled"];
+
 /// A metric to show.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Metric {
@@ -43,15 +51,17 @@ pub struct Metric {
 }
 
 impl Metric {
-    /// A metric by its name. Of an unknown one a higher number is better, unless its name says that it is a gap, a loss or an error.
+    /// A metric by its name. Of an unknown one a higher number is better, unless its name says that it is a gap, a loss or an error, or what a latent should
+    /// not hold or do: the distractors' share, a state's spread over them, rewards foreseen whatever the actions are.
     #[must_use]
     pub fn named(name: &str) -> Self {
         let known = KNOWN.iter().find(|known| known.0 == name);
+        let of_grid = name.strip_prefix(NUMBERS).and_then(|number| number.strip_suffix(ESTIMATE));
         known.map_or_else(
             || Self {
                 name: name.into(),
-                title: name.replace('_', " "),
-                higher_is_better: !["gap", "loss", "error"].iter().any(|low| name.contains(low)),
+                title: of_grid.map_or_else(|| name.replace('_', " "), |number| format!("held-out {number}")),
+                higher_is_better: !LOW.iter().any(|low| name.contains(low)),
             },
             |known| Self { name: known.0.into(), title: known.1.into(), higher_is_better: known.2 },
         )
@@ -60,5 +70,19 @@ impl Metric {
     /// The known metrics' names.
     pub fn known() -> impl Iterator<Item = &'static str> {
         KNOWN.iter().map(|known| known.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lower_number_is_better_where_latents_should_not_hold_something() {
+        let better = |name: &str| Metric::named(name).higher_is_better;
+        assert!(better("retrieval_same_step@1") && better("open_loop_reward_r2@5") && better(KNOWN[14].0));
+        assert!(!better("distractor_share") && !better("open_loop_reward_r2_shuffled@5") && !better(DYNAMICS_GAP));
+        let full = Metric::named("held_out.numbers.distractor_share.estimate");
+        assert_eq!((full.title.as_str(), full.higher_is_better), ("held-out distractor_share", false));
     }
 }

@@ -1,11 +1,12 @@
 //! UMAP: a map of the latents in which neighbours stay neighbours (`McInnes`, Healy and Melville, 2018).
 //!
 //! In: a neighbour graph (ours, or any) and a random generator. Out: `[rows, 2]` positions. The steps are the paper's, one file each: `fuzzy`
-//! turns distances into a weighted graph, `spectral` gives the start, `curve` the forces, `layout` lets them act, and `transform` puts
+//! turns distances into a weighted graph, `spectral` gives the start, `curve` and `lanes` the forces, `layout` lets them act, and `transform` puts
 //! new points on an old map. The result depends on the data and the generator only, never on the number of threads, and all cores are used.
 
 mod curve;
 mod fuzzy;
+mod lanes;
 mod layout;
 mod spectral;
 mod transform;

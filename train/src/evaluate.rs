@@ -53,6 +53,8 @@ pub struct Report {
     pub quantities: BTreeMap<String, &'static str>,
     /// Episodes of the training recordings that the probes of numbers were fitted on; none if they were fitted on the grid's own trajectories.
     pub fitted_on: Option<usize>,
+    /// Quantities of the grid that were not read because the training recordings do not name them, as those of an older collector.
+    pub left_out: Vec<String>,
 }
 
 /// Evaluates latents on a grid; the recurrent state and rewards open loop belong to a world model alone.
@@ -85,7 +87,7 @@ pub fn evaluate(
         numbers.extend(open_loop(model, &judged, (latents, states), options.seed, device)?);
     }
     let fitted_on = (!fitted.is_empty()).then(|| fitted.episodes());
-    Ok(Report { numbers, quantities: probes.about, fitted_on })
+    Ok(Report { numbers, quantities: probes.about, fitted_on, left_out: probes.left_out })
 }
 
 fn no_grid(found: &str, recording: &Recording) -> TrainError {
@@ -101,13 +103,14 @@ struct Probes {
     judged: (Acting, Vec<Quantity>),
     fitted: (Acting, Vec<Quantity>),
     about: BTreeMap<String, &'static str>,
+    left_out: Vec<String>,
     seed: u64,
 }
 
 impl Probes {
     /// Quantities that every row has and that vary over the grid.
     fn of(judged: &Rows, fitted: &Rows, seed: u64) -> Self {
-        let (mut own, mut theirs, mut about) = (Vec::new(), Vec::new(), BTreeMap::new());
+        let (mut own, mut theirs, mut about, mut left_out) = (Vec::new(), Vec::new(), BTreeMap::new(), Vec::new());
         for readable in judged.readable() {
             let Some(quantity) = judged.quantity(&readable.name).filter(|quantity| quantity.values.vary()) else {
                 continue;
@@ -117,13 +120,16 @@ impl Probes {
                     Some(same) => theirs.push(same),
                     // Classes are never fitted elsewhere; any values keep their place.
                     None if readable.is_class() => theirs.push(quantity.clone()),
-                    None => continue,
+                    None => {
+                        left_out.push(readable.name.clone());
+                        continue;
+                    }
                 }
             }
             own.push(quantity);
             about.insert(readable.name.clone(), readable.about.name());
         }
-        Self { judged: (judged.acting(), own), fitted: (fitted.acting(), theirs), about, seed }
+        Self { judged: (judged.acting(), own), fitted: (fitted.acting(), theirs), about, left_out, seed }
     }
 
     /// The scores of one table of features.

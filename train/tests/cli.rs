@@ -234,10 +234,19 @@ fn evaluate_on_a_grid_while_training_and_after() {
     assert!(numbers["probe/coin[0]/s"]["estimate"].is_f64() && numbers["probe_knn/coin[1]/s"]["estimate"].is_f64());
     assert!(!numbers.contains_key("probe/camera roll/s"), "what never changes cannot be read");
     assert_eq!((&found["report"]["quantities"]["coin[0]"], &found["report"]["fitted_on"]), (&"task".into(), &4.into()));
+    assert_eq!(found["report"]["left_out"], serde_json::json!([]));
     let of = |path: &str| found["gaps"].pointer(path).and_then(serde_json::Value::as_f64).unwrap();
     let difference = of("/held_out/dynamics/critic") - of("/held_out/dynamics/refitted");
     assert!((of("/dynamics_gap") - difference).abs() < 1e-9);
     assert!(of("/training/reward/gap/low") <= of("/training/reward/gap/high"));
+    // What the training recordings do not name is said, as where an older collector made them.
+    let manifest = folder.path().join("coins/manifest.json");
+    let renamed = std::fs::read_to_string(&manifest).unwrap().replacen("\"coin\"", "\"side\"", 1);
+    std::fs::write(&manifest, renamed).unwrap();
+    let output = vibes_train(folder.path(), &["evaluate", "run", "grid", "--gap-updates", "0"]);
+    assert_done(&output);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(text.contains("do not name them") && text.contains(": coin[0], coin[1]\n"), "{text}");
     // A recording that is no grid cannot be evaluated on.
     let output = vibes_train(folder.path(), &["evaluate", "run", "coins"]);
     assert_eq!(output.status.code(), Some(1));

@@ -9,7 +9,7 @@ use serde_json::json;
 use super::{Globals, Outcome, say, wrong};
 use crate::curves::{CurvePoint, mean_curve};
 use crate::figures::{Curve, Curves, Entry, Facet, Figure, Heading, Table};
-use crate::input::{Run, Series};
+use crate::input::{Run, Series, choices};
 use crate::metrics::{DYNAMICS_GAP, Metric};
 use crate::output::{self, Column, write_table};
 use crate::scores::{self, Mark, RunScore, score_table};
@@ -27,7 +27,7 @@ pub(super) struct Options {
     /// Run folders (each with a metrics.jsonl).
     #[arg(value_name = "RUN", required = true)]
     runs: Vec<PathBuf>,
-    /// Metrics to show, in place of the known ones.
+    /// Metrics to show, in place of the known ones; a number of a held-out grid as `vibes-train evaluate` calls it, as in `retrieval_same_step@1`.
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     metrics: Vec<String>,
     /// The metric of the table of groups × tasks [default: the return; without returns, a table of metrics × groups].
@@ -114,21 +114,19 @@ fn progress(runs: &[Run]) -> String {
     if updates.0.is_finite() { format!(", {} to {} updates", updates.0, updates.1) } else { String::new() }
 }
 
-/// The metric's name, if a run has it.
-fn known<'n>(name: &'n str, runs: &[Run]) -> anyhow::Result<&'n str> {
-    let there: BTreeSet<&str> = runs.iter().flat_map(|r| r.series.keys()).map(String::as_str).collect();
-    if there.contains(name) {
-        return Ok(name);
+/// The metric's name in full, if a run has it.
+fn known<'r>(name: &str, runs: &'r [Run]) -> anyhow::Result<&'r str> {
+    if let Some(full) = runs.iter().find_map(|run| run.full_name(name)) {
+        return Ok(full);
     }
-    let list: Vec<&str> = there.into_iter().collect();
-    Err(wrong(format!("no run has the metric {name}, choose among {}", list.join(", "))))
+    let there = choices(name, runs.iter().flat_map(|run| run.series.keys()).map(String::as_str));
+    Err(wrong(format!("no run has the metric {name}, choose among {there}")))
 }
 
 /// The metrics to show: those asked for, else the known ones that the runs have, else whatever they have.
 fn metrics(options: &Options, runs: &[Run]) -> anyhow::Result<Vec<Metric>> {
     let there: BTreeSet<&str> = runs.iter().flat_map(|r| r.series.keys()).map(String::as_str).collect();
-    options.metrics.iter().try_for_each(|name| known(name, runs).map(|_| ()))?;
-    let mut chosen: Vec<&str> = options.metrics.iter().map(String::as_str).collect();
+    let mut chosen: Vec<&str> = options.metrics.iter().map(|name| known(name, runs)).collect::<anyhow::Result<_>>()?;
     if chosen.is_empty() {
         chosen = Metric::known().filter(|name| there.contains(name)).collect();
     }

@@ -10,6 +10,7 @@ use super::maps::{MapOptions, coloring};
 use super::session::{Session, TableInput};
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Figure, Panel, Panels};
+use crate::input::choices;
 
 /// Draw state × distractor trajectories on one map, a panel each.
 ///
@@ -113,7 +114,8 @@ fn cells(session: &Session) -> anyhow::Result<BTreeSet<(u32, u32)>> {
 fn choose(option: &str, named: &[u32], there: BTreeSet<u32>, count: usize) -> anyhow::Result<Vec<u32>> {
     if let Some(missing) = named.iter().find(|n| !there.contains(n)) {
         let list: Vec<String> = there.iter().map(u32::to_string).collect();
-        return Err(wrong(format!("{option} {missing} is not in these latents, choose among {}", list.join(", "))));
+        let list = choices(&missing.to_string(), list.iter().map(String::as_str));
+        return Err(wrong(format!("{option} {missing} is not in these latents, choose among {list}")));
     }
     Ok(if named.is_empty() { there.into_iter().take(count).collect() } else { named.to_vec() })
 }

@@ -221,7 +221,8 @@ fn quantities(
     judged: &Rows,
     fitted: Option<&Rows>,
 ) -> (Vec<&'static str>, Vec<Quantity>, Vec<Quantity>) {
-    let (mut sections, mut own, mut theirs, mut flat) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut sections, mut own, mut theirs) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut flat, mut unnamed) = (Vec::new(), Vec::new());
     let others = fitted.map(|rows| rows.frames.recording().manifest().spec.readable()).unwrap_or_default();
     for readable in judged.frames.recording().manifest().spec.readable() {
         let Some(quantity) = judged.quantity(&readable) else { continue };
@@ -235,7 +236,10 @@ fn quantities(
                 Some(same) => theirs.push(same),
                 // Classes are never fitted elsewhere; any values keep their place.
                 None if readable.is_class() => theirs.push(quantity.clone()),
-                None => continue,
+                None => {
+                    unnamed.push(quantity.name);
+                    continue;
+                }
             }
         }
         sections.push(section(readable.about));
@@ -243,6 +247,10 @@ fn quantities(
     }
     if !flat.is_empty() {
         session.remark(format!("{} do not vary in this recording and were left out", flat.join(", ")));
+    }
+    if !unnamed.is_empty() {
+        let names = unnamed.join(", ");
+        session.remark(format!("the recording to fit on does not name {names}, which were left out"));
     }
     (sections, own, theirs)
 }

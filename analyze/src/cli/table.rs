@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Entry, Figure, Heading, Table};
-use crate::input::{Cell, Results, Rows, RowsError};
+use crate::input::{Cell, Results, Rows, RowsError, choices};
 use crate::metrics::{Metric, RETURNS};
 use crate::output::{self, Column, write_csv, write_parquet};
 use crate::scores::{Mark, RunScore, ScoreTable, Style, score_table};
@@ -22,7 +22,7 @@ pub(super) struct Options {
     /// Run folders, or tables of results (CSV, Parquet, Arrow) with a row a run.
     #[arg(value_name = "RUN", required = true)]
     runs: Vec<PathBuf>,
-    /// Metrics [default: the return if the runs have one, else those known by name].
+    /// Metrics; a number of a held-out grid as `vibes-train evaluate` calls it, as in `probe/reward/hs` [default: the return if the runs have one, else those known by name].
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     metrics: Vec<String>,
     /// What a row of the table is: runs that agree in all of these keys are averaged [default: the objective, else each run].
@@ -99,7 +99,7 @@ fn metrics(options: &Options, results: &Results) -> anyhow::Result<Vec<Metric>> 
         },
     };
     if chosen.is_empty() {
-        let list = names.into_iter().collect::<Vec<_>>().join(", ");
+        let list = choices("", names.iter().map(String::as_str));
         return Err(wrong(format!("none of the metrics known by name is there; name one with --metrics: {list}")));
     }
     if let Some(idle) = options.lower.iter().find(|name| !chosen.contains(name)) {

@@ -16,7 +16,7 @@ use vibes_data::{Latents, LatentsSource};
 use super::columns::UserColumn;
 use super::lists::Lists;
 use super::tables::{TableFile, column};
-use super::{InputError, Rows};
+use super::{InputError, Rows, choices};
 
 /// The columns of every row's key and of what is known about the row.
 const KEYS: [&str; 2] = ["episode", "step"];
@@ -81,8 +81,8 @@ pub fn read_asked(path: &Path, asked: &Asked) -> Result<ReadLatents, InputError>
     }
     if let Some(missing) = needed.iter().find(|name| flat.column(name).is_err()) {
         let found = flat.get_column_names().into_iter().map(ToString::to_string).filter(|n| n != ROW);
-        let found = found.chain(file.names().iter().cloned()).collect::<std::collections::BTreeSet<_>>();
-        let found = found.into_iter().collect::<Vec<_>>().join(", ");
+        let found: Vec<String> = found.chain(file.names().iter().cloned()).collect();
+        let found = choices(missing, found.iter().map(String::as_str));
         return Err(InputError::NoSuchColumn { column: missing.clone(), found, path: path.into() });
     }
     if let Some(rows) = &asked.rows {

@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use super::columns::UserColumn;
 use super::tables::{TableFile, quietly};
-use super::{InputError, Rows, Run};
+use super::{InputError, Rows, Run, choices};
 
 /// A value of one run.
 #[derive(Clone, Debug, PartialEq)]
@@ -109,7 +109,7 @@ impl Results {
         let mut names = asked.to_vec();
         names.extend(rows.iter().flat_map(|rows| &rows.columns).filter(|name| !asked.contains(name)).cloned());
         if let Some(missing) = names.iter().find(|name| !self.has(name)) {
-            let found = self.names().into_iter().collect::<Vec<_>>().join(", ");
+            let found = choices(missing, self.names().iter().map(String::as_str));
             return Err(InputError::NoSuchResult { name: missing.clone(), found });
         }
         let mut all: Vec<Vec<Cell>> = Vec::new();

@@ -11,6 +11,7 @@ use serde_json::Value;
 use vibes_data::{Metrics, RunFolder, RunInfo};
 
 use super::InputError;
+use crate::metrics::{ESTIMATE, NUMBERS};
 
 /// Fields that count progress, the first that a line has is its x.
 const CLOCKS: [&str; 7] =
@@ -115,10 +116,17 @@ impl Run {
         }
     }
 
+    /// The full name of a metric of this run; a number of `vibes-train evaluate` may be called as it is called there, as in `retrieval_same_step@1`.
+    #[must_use]
+    pub fn full_name(&self, metric: &str) -> Option<&str> {
+        let of_grid = || self.series.get_key_value(&format!("{NUMBERS}{metric}{ESTIMATE}"));
+        self.series.get_key_value(metric).or_else(of_grid).map(|(name, _)| name.as_str())
+    }
+
     /// Where a metric ended: the mean of its last tenth, at least one value.
     #[must_use]
     pub fn final_value(&self, metric: &str) -> Option<f64> {
-        let series = self.series.get(metric).filter(|series| !series.is_empty())?;
+        let series = self.series.get(self.full_name(metric)?).filter(|series| !series.is_empty())?;
         let count = (series.len() / 10).max(1);
         Some(series[series.len() - count..].iter().map(|point| point.1).sum::<f64>() / count as f64)
     }
@@ -221,6 +229,9 @@ mod tests {
         gaps.sort_by(|a, b| a.0.total_cmp(&b.0));
         assert_eq!(gaps, vec![(100.0, 4.0), (200.0, 1.5)]);
         assert_eq!(run.series.len(), 4);
+        assert_eq!(run.full_name("state_share"), Some("held_out.numbers.state_share.estimate"));
+        assert_eq!((run.final_value("state_share"), run.final_value("loss")), (Some(0.25), Some(1.5)));
+        assert_eq!((run.full_name("loss"), run.full_name("state")), (Some("loss"), None));
         write(
             "metrics.jsonl",
             "{\"env_step\":4000,\"update\":100,\"loss\":2.5}\n{\"env_step\":9000,\"update\":200,\"loss\":1.5}\n",

@@ -7,10 +7,13 @@
 //! due to its own edges of that round, one after the other, everyone else standing still. A vertex has few edges in a round,
 //! so this comes close to moving one edge at a time. Its random draws come from a counter of its own.
 
+#![allow(unsafe_code, reason = "wider instructions are called once the processor is known to have them")]
+
 use rayon::prelude::*;
 
-use super::curve::{Curve, Forces, LANES};
+use super::curve::Curve;
 use super::fuzzy::FuzzyGraph;
+use super::lanes::{Forces, Lanes};
 use crate::neighbours::Neighbours;
 
 /// A point of the map.
@@ -20,8 +23,6 @@ pub type Position = [f32; 2];
 const ROUNDS: usize = 8;
 /// Vertices handed to a thread at once.
 const CHUNK: usize = 256;
-/// No single move is longer than this times the learning rate, per coordinate.
-const LONGEST: f32 = 4.0;
 
 /// What the descent needs besides graph and positions.
 #[derive(Debug, Clone, Copy)]
@@ -39,27 +40,33 @@ pub(super) struct Descent {
 #[derive(Debug, Clone, Copy)]
 struct Edge {
     target: u32,
-    /// In which share of the epochs it acts, its weight over the largest: in units of 2^-32.
+    /// In which share of the epochs it acts, its weight over the largest, in units of 2^-32; the last bit says instead whether this end is repelled as well.
     share: u32,
-    /// Whether this end is repelled as well.
-    repels: bool,
 }
 
 impl Edge {
     fn new(target: u32, share: f32, repels: bool) -> Self {
         // A cast from a float stays within the integer's range.
-        Self { target, share: (f64::from(share) * 2.0_f64.powi(32)) as u32, repels }
+        let share = (f64::from(share) * 2.0_f64.powi(32)) as u32;
+        Self { target, share: share & !1 | u32::from(repels) }
+    }
+
+    #[inline(always)]
+    fn repels(self) -> bool {
+        self.share & 1 == 1
     }
 
     /// Whether it acts in an epoch: when `share · epochs` passes a whole number. Its turns are evenly spaced.
-    #[inline]
+    #[inline(always)]
     fn acts(self, epoch: usize) -> bool {
-        self.share.wrapping_mul(epoch as u32 + 1) < self.share
+        let share = self.share & !1;
+        share.wrapping_mul(epoch as u32 + 1) < share
     }
 }
 
-/// The edges sorted by vertex, then round: those of vertex `v` in round `r` start at `offsets[v · ROUNDS + r]`.
+/// The edges sorted by round, then vertex, as they are walked along: those of vertex `v` in round `r` start at `offsets[r · vertices + v]`.
 struct Rounds {
+    vertices: usize,
     offsets: Vec<usize>,
     edges: Vec<Edge>,
 }
@@ -67,112 +74,128 @@ struct Rounds {
 impl Rounds {
     fn new(graph: &FuzzyGraph) -> Self {
         let largest = graph.weights.iter().copied().fold(0.0, f32::max);
-        let mut offsets = Vec::with_capacity(graph.vertices() * ROUNDS + 1);
+        let vertices = graph.vertices();
+        let mut offsets = Vec::with_capacity(vertices * ROUNDS + 1);
         let mut edges = Vec::with_capacity(2 * graph.targets.len());
-        for vertex in 0..graph.vertices() as u32 {
-            let mut by_round: [Vec<Edge>; ROUNDS] = Default::default();
-            for (target, weight) in graph.edges(vertex as usize) {
-                // Both ends must agree on the rounds.
-                let (low, high) = (u64::from(vertex.min(target)), u64::from(vertex.max(target)));
-                let first = (mix(low << 32 | high) % ROUNDS as u64) as usize;
-                let second = (first + ROUNDS / 2) % ROUNDS;
-                let share = weight / largest;
-                by_round[first].push(Edge::new(target, share, vertex < target));
-                by_round[second].push(Edge::new(target, share, vertex > target));
-            }
-            for round in by_round {
+        for round in 0..ROUNDS {
+            for vertex in 0..vertices as u32 {
                 offsets.push(edges.len());
-                edges.extend(round);
+                edges.extend(graph.edges(vertex as usize).filter_map(|(target, weight)| {
+                    let is_first = round == first_round(vertex, target);
+                    let is_second = round == (first_round(vertex, target) + ROUNDS / 2) % ROUNDS;
+                    let repels = if is_first { vertex < target } else { vertex > target };
+                    (is_first || is_second).then(|| Edge::new(target, weight / largest, repels))
+                }));
             }
         }
         offsets.push(edges.len());
-        Self { offsets, edges }
+        Self { vertices, offsets, edges }
     }
 
+    #[inline(always)]
     fn edges(&self, vertex: usize, round: usize) -> &[Edge] {
-        let at = vertex * ROUNDS + round;
+        let at = round * self.vertices + vertex;
         &self.edges[self.offsets[at]..self.offsets[at + 1]]
     }
+}
+
+/// The first of an edge's two rounds, of which both its ends know.
+fn first_round(vertex: u32, target: u32) -> usize {
+    let (low, high) = (u64::from(vertex.min(target)), u64::from(vertex.max(target)));
+    (mix(low << 32 | high) % ROUNDS as u64) as usize
 }
 
 impl Descent {
     /// Lay out all vertices of a graph.
     pub(super) fn run(self, graph: &FuzzyGraph, positions: &mut Vec<Position>) {
-        let rounds = Rounds::new(graph);
+        let (rounds, forces) = (Rounds::new(graph), Forces::new(self.curve));
         let mut next = positions.clone();
-        for epoch in 0..self.epochs {
-            for round in 0..ROUNDS {
-                let old = positions.as_slice();
-                next.par_iter_mut().enumerate().with_min_len(CHUNK).for_each(|(vertex, position)| {
-                    let draws = Draws::new(self.seed, epoch * ROUNDS + round, vertex);
-                    *position = self.gather(epoch, (vertex, old[vertex]), rounds.edges(vertex, round), old, draws);
-                });
-                std::mem::swap(positions, &mut next);
-            }
-        }
-    }
-
-    /// Lay out new points `placed` against old ones, which stand still. `shares` `[new, k]`: how often each edge acts.
-    pub(super) fn place(self, neighbours: &Neighbours, shares: &[f32], old: &[Position], placed: &mut [Position]) {
-        let k = neighbours.k();
-        placed.par_iter_mut().enumerate().with_min_len(CHUNK).for_each(|(query, position)| {
-            let near = neighbours.rows(query).iter().zip(&shares[query * k..(query + 1) * k]);
-            let edges: Vec<Edge> = near.map(|(&target, &share)| Edge::new(target, share, true)).collect();
+        // Led by a thread of the pool: one outside would wait for it to wake up in each of thousands of short rounds.
+        rayon::scope(|_| {
             for epoch in 0..self.epochs {
-                let draws = Draws::new(self.seed, epoch, query);
-                *position = self.gather(epoch, (usize::MAX, *position), &edges, old, draws);
+                for round in 0..ROUNDS {
+                    let turn = Turn { descent: self, epoch, forces, all: positions };
+                    next.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, moved)| {
+                        turn.gather_chunk(&rounds, round, chunk * CHUNK, moved);
+                    });
+                    std::mem::swap(positions, &mut next);
+                }
             }
         });
     }
 
-    /// One vertex's position after its edges have acted on it.
-    fn gather(
-        self,
-        epoch: usize,
-        (vertex, start): (usize, Position),
-        edges: &[Edge],
-        all: &[Position],
-        mut draws: Draws,
-    ) -> Position {
-        let rate = self.rate * (1.0 - epoch as f32 / self.epochs as f32);
-        let mut at = start;
-        for edge in edges.iter().filter(|edge| edge.acts(epoch)) {
-            let other = all[edge.target as usize];
-            if !edge.repels {
-                at = moved(at, &[other], &self.curve.attraction(), rate);
-                continue;
+    /// Lay out new points `placed` against old ones, which stand still. `shares` `[new, k]`: how often each edge acts.
+    pub(super) fn place(self, neighbours: &Neighbours, shares: &[f32], old: &[Position], placed: &mut [Position]) {
+        let (k, forces) = (neighbours.k(), Forces::new(self.curve));
+        placed.par_iter_mut().enumerate().with_min_len(CHUNK).for_each(|(query, position)| {
+            let near = neighbours.rows(query).iter().zip(&shares[query * k..(query + 1) * k]);
+            let edges: Vec<Edge> = near.map(|(&target, &share)| Edge::new(target, share, true)).collect();
+            for epoch in 0..self.epochs {
+                let turn = Turn { descent: self, epoch, forces, all: old };
+                *position = turn.gather(usize::MAX, *position, &edges, Draws::new(self.seed, epoch, query));
             }
-            // The attraction and the first repulsions share one pass over the lanes.
-            let mut others = [at; LANES];
-            others[0] = other;
-            let mut forces = self.curve.attraction_and_repulsions();
-            let mut lane = 1;
-            for _ in 0..self.negative_samples {
-                if lane == LANES {
-                    at = moved(at, &others, &forces, rate);
-                    (others, forces, lane) = ([at; LANES], self.curve.repulsions(), 0);
-                }
-                let sample = draws.below(all.len());
-                // A point does not repel itself; a lane that holds `at` exerts no force.
-                others[lane] = if sample == vertex { at } else { all[sample] };
-                lane += 1;
-            }
-            at = moved(at, &others, &forces, rate);
-        }
-        at
+        });
     }
 }
 
-/// Move `at` by the forces the others exert on it there.
-#[inline]
-fn moved<const N: usize>(at: Position, others: &[Position; N], forces: &Forces<N>, rate: f32) -> Position {
-    let x: [f32; N] = std::array::from_fn(|lane| at[0] - others[lane][0]);
-    let y: [f32; N] = std::array::from_fn(|lane| at[1] - others[lane][1]);
-    let force = forces.at(&std::array::from_fn(|lane| x[lane] * x[lane] + y[lane] * y[lane]));
-    let sum = |difference: [f32; N]| {
-        (0..N).map(|lane| (force[lane] * difference[lane]).clamp(-LONGEST, LONGEST)).sum::<f32>()
-    };
-    [at[0] + rate * sum(x), at[1] + rate * sum(y)]
+/// One turn of moving vertices, while everyone else stands still.
+#[derive(Clone, Copy)]
+struct Turn<'a> {
+    descent: Descent,
+    epoch: usize,
+    forces: Forces,
+    all: &'a [Position],
+}
+
+impl Turn<'_> {
+    /// The vertices from `first` on, as many as `moved`, move along their edges of a round. Wide instructions give the same bits as narrow ones.
+    fn gather_chunk(&self, rounds: &Rounds, round: usize, first: usize, moved: &mut [Position]) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has what the function asks for.
+            return unsafe { self.gather_chunk_avx2(rounds, round, first, moved) };
+        }
+        self.gather_chunk_portable(rounds, round, first, moved);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn gather_chunk_avx2(&self, rounds: &Rounds, round: usize, first: usize, moved: &mut [Position]) {
+        self.gather_chunk_portable(rounds, round, first, moved);
+    }
+
+    #[inline(always)]
+    fn gather_chunk_portable(&self, rounds: &Rounds, round: usize, first: usize, moved: &mut [Position]) {
+        for (vertex, position) in (first..).zip(moved) {
+            let draws = Draws::new(self.descent.seed, self.epoch * ROUNDS + round, vertex);
+            *position = self.gather(vertex, self.all[vertex], rounds.edges(vertex, round), draws);
+        }
+    }
+
+    /// One vertex's position after its edges have acted on it.
+    #[inline(always)]
+    fn gather(&self, vertex: usize, mut at: Position, edges: &[Edge], mut draws: Draws) -> Position {
+        let descent = &self.descent;
+        let rate = descent.rate * (1.0 - self.epoch as f32 / descent.epochs as f32);
+        let mut lanes = Lanes::default();
+        for edge in edges.iter().filter(|edge| edge.acts(self.epoch)) {
+            if !lanes.may_attract() || (edge.repels() && !lanes.repels_nothing()) {
+                at = lanes.act(at, &self.forces, rate);
+            }
+            lanes.attract(at, self.all[edge.target as usize]);
+            for _ in 0..if edge.repels() { descent.negative_samples } else { 0 } {
+                if !lanes.may_repel() {
+                    at = lanes.act(at, &self.forces, rate);
+                }
+                let sample = draws.below(self.all.len());
+                // A point does not repel itself.
+                if sample != vertex {
+                    lanes.repel(at, self.all[sample]);
+                }
+            }
+        }
+        if lanes.is_empty() { at } else { lanes.act(at, &self.forces, rate) }
+    }
 }
 
 /// Random numbers of one vertex in one round (`SplitMix64` from a hash of the three).
@@ -198,4 +221,34 @@ fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// On a processor without wide instructions both are the same function.
+    #[test]
+    fn wide_instructions_give_the_bits_of_narrow_ones() {
+        let vertices = 300;
+        let around = |vertex: usize| (1..8).map(move |step| (vertex * 7 + step * step) % 300);
+        let edges: Vec<Edge> = (0..vertices)
+            .flat_map(|vertex| {
+                around(vertex).map(move |target| Edge::new(target as u32, 0.9, (vertex + target) % 3 > 0))
+            })
+            .collect();
+        let rounds = Rounds { vertices, offsets: (0..=vertices).map(|vertex| vertex * 7).collect(), edges };
+        let mut draws = Draws::new(3, 0, 0);
+        let mut at = || draws.below(10_000) as f32 * 1e-3;
+        let all: Vec<Position> = (0..vertices).map(|_| [at(), at()]).collect();
+        let curve = Curve::fit(0.1, 1.0);
+        let descent = Descent { curve, epochs: 10, rate: 1.0, negative_samples: 7, seed: 5 };
+        let turn = Turn { descent, epoch: 3, forces: Forces::new(curve), all: &all };
+        let (mut wide, mut narrow) = (all.clone(), all.clone());
+        turn.gather_chunk(&rounds, 0, 0, &mut wide);
+        turn.gather_chunk_portable(&rounds, 0, 0, &mut narrow);
+        assert_eq!(wide, narrow);
+        let still = wide.iter().zip(&all).filter(|(moved, before)| moved == before).count();
+        assert!(still < 30 && wide.iter().flatten().all(|x| x.is_finite()), "{still} of {vertices} do not move");
+    }
 }

@@ -90,16 +90,19 @@ fn eigenvectors(graph: &FuzzyGraph, members: &[u32], rng: &mut impl Rng) -> Opti
     let size = members.len();
     let steps = STEPS.min(size - 1);
     let mut start: Vec<f64> = (0..size).map(|_| rng.random_range(-1.0..1.0)).collect();
-    let mut best = None;
-    for _ in 0..RESTARTS {
-        let (vectors, residual) = lanczos(&operator, start, steps)?;
-        start = vectors[0].iter().zip(&vectors[1]).map(|(a, b)| a + b).collect();
-        best = (residual < USELESS).then_some(vectors);
-        if residual < GOOD {
-            break;
+    // Led by a thread of the pool: one outside would wait for it to wake up in each of hundreds of short products.
+    let vectors = rayon::scope(|_| {
+        let mut best = None;
+        for _ in 0..RESTARTS {
+            let (vectors, residual) = lanczos(&operator, start, steps)?;
+            start = vectors[0].iter().zip(&vectors[1]).map(|(a, b)| a + b).collect();
+            best = (residual < USELESS).then_some(vectors);
+            if residual < GOOD {
+                break;
+            }
         }
-    }
-    let vectors = best?;
+        best
+    })?;
     Some((0..size).map(|vertex| [vectors[0][vertex] as f32, vectors[1][vertex] as f32]).collect())
 }
 

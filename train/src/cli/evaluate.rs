@@ -124,6 +124,12 @@ fn print_report(report: &Report) {
             mean(&|n| n.chance)
         );
     }
+    if !report.left_out.is_empty() {
+        let names = report.left_out.join(", ");
+        println!(
+            "not read, since the training recordings do not name them (--probe-episodes 0 fits on the grid itself): {names}"
+        );
+    }
 }
 
 /// Whether a probe is of one of the many channels of the materials' colours.
