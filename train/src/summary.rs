@@ -122,7 +122,11 @@ fn about(page: &mut String, info: &RunInfo) {
     let versions: Vec<String> = info.versions.iter().map(|(name, version)| format!("{name} {version}")).collect();
     let lines = [
         format!("Objective **{}** on {} ({}){from}", options.objective, model.task, model.observation),
-        format!("{} episodes, {} steps of {}", info.episodes, info.steps, recordings.join(", ")),
+        if recordings.is_empty() {
+            "no recordings: its own episodes alone".to_owned()
+        } else {
+            format!("{} episodes, {} steps of {}", info.episodes, info.steps, recordings.join(", "))
+        },
         format!(
             "latent {} ({}), hidden {}, depth {}; batch {} × {} (burn-in {})",
             options.latent,
@@ -151,7 +155,12 @@ fn about(page: &mut String, info: &RunInfo) {
 }
 
 fn progress(page: &mut String, info: &RunInfo, last: &Row) {
-    push(page, &format!("\n## After {} of {} updates\n", last.update, info.options.updates));
+    // An online run goes by control steps.
+    let made = match last.stated("control_steps") {
+        Some(steps) => format!("{} updates, {steps} control steps", last.update),
+        None => format!("{} of {} updates", last.update, info.options.updates),
+    };
+    push(page, &format!("\n## After {made}\n"));
     push(page, "| quantity, mean of the last updates | value |\n|---|---|");
     let mut row = |name: &str, value: Option<f64>| {
         if let Some(value) = value {

@@ -74,6 +74,8 @@ fn a_run_counts_in_both_units_and_leaves_a_sound_recording() {
     let newest = std::fs::read_dir(folder.join("checkpoints")).unwrap().count();
     assert!(newest >= 1);
     assert_eq!(lines(&folder.join("metrics.jsonl")).last().unwrap()["update"], 20 + 8 * 20);
+    let page = std::fs::read_to_string(folder.join("summary.md")).unwrap();
+    assert!(page.contains("* no recordings: its own") && page.contains("## After 180 updates, 960 control"), "{page}");
     // The same command has nothing left to do.
     let again = run(&folder, &WHOLE);
     assert!(again.status.success() && text(&again).contains("already"), "{}", text(&again));
