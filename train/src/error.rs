@@ -90,8 +90,17 @@ pub enum TrainError {
         /// The run folder.
         path: PathBuf,
     },
+    /// A kept copy of an online run, where a whole run is needed.
+    #[error(
+        "this is a kept copy of an online run, without moments and replay; act with it (`vibes-collect --policy`), or go on with the run that it was kept from: {}",
+        path.display()
+    )]
+    KeptCopy {
+        /// The run folder.
+        path: PathBuf,
+    },
     /// The training has left the numbers.
-    #[error("update {update} diverged: {what} is {value}; the last good checkpoint is kept; try a lower --lr: {}", run.display())]
+    #[error("update {update} diverged: {what} is {value}; the last good checkpoint is kept; try smaller step sizes: {}", run.display())]
     Diverged {
         /// The update that was not made.
         update: u64,

@@ -3,8 +3,8 @@
 //!
 //! With [`Extent::Acting`] the adversary is left out too: enough to encode, to evaluate and to act, and not to train on.
 //!
-//! Adam's moments, twice the size of the weights, are left out: a run that goes on from the copy begins with new ones, and its step size rises anew. The
-//! recordings are named as `recordings/NAME`, which is looked for in the copy's folder and in every folder above it.
+//! Adam's moments, twice the size of the weights, are left out: a run that goes on from the copy begins with new ones, and its step size rises anew. (The copy of an
+//! online run acts, encodes and is evaluated; as its replay is left out too, it cannot be gone on with.) The recordings are named as `recordings/NAME`, which is looked for in the copy's folder and in every folder above it.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -17,7 +17,7 @@
 
 use std::collections::HashMap;
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use burn::tensor::Device;
 use rand::SeedableRng;
@@ -42,7 +42,7 @@ use crate::learners::world::Learner;
 use crate::metrics::Row;
 use crate::replay::{Replay, ReplayOptions};
 use crate::run::{Run, State};
-use crate::session::{Session, first_learner};
+use crate::session::{Session, first_learner, out_of_time};
 use crate::windows::{Prefetch, Purpose, update_rng};
 
 pub mod actor;
@@ -59,6 +59,10 @@ use options::OnlineOptions;
 
 /// Windows that set the first scales of a new model.
 const CALIBRATION_WINDOWS: usize = 64;
+/// The updates before the first episode with the actor are saved, and can be stopped, after every so many.
+const FIRST_UPDATES_BETWEEN_SAVES: u64 = 100;
+/// Longest time between checkpoints, so that a kill never costs more than two minutes.
+const BETWEEN_SAVES: Duration = Duration::from_secs(100);
 
 /// What the loop tells its listener.
 #[derive(Debug)]
@@ -203,10 +207,13 @@ fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'
     let resumed = resume(run, device)?;
     let (mut state, world_state) =
         resumed.as_ref().map_or_else(Default::default, |resumed| (resumed.online, resumed.world));
-    if state.is_finished && state.control_steps >= options.control_steps {
+    let is_over = state.control_steps >= options.control_steps || out_of_time(model_options, world_state.seconds);
+    if state.is_finished && is_over {
         return Ok(End::Nothing);
     }
     state.is_finished = false;
+    // Evaluations may have been asked for more often since then.
+    state.next_evaluation = state.next_evaluation.min(options.next_evaluation(state.control_steps));
     let sizes =
         ReplayOptions { length: model_options.length, batch: model_options.batch, given_share: options.given_share };
     let replay = Replay::open(&run.path().join("replay"), manifest, state.episodes, given, sizes)?;
@@ -215,7 +222,7 @@ fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'
     let session = Session::open(run, device, world_state, true)?;
     std::thread::scope(|scope| {
         let acting = ActorThread::living(live, scope, &options.world, libraries, replay.writer());
-        let mut training = Training { setup, acting, session, state, replay };
+        let mut training = Training { setup, acting, session, state, replay, saved: Instant::now() };
         let end = training.begin_and_run(resumed, listen);
         if end.is_err() {
             // What was lived through is listed in the recording, whatever ended the run; what ended it is what is told.
@@ -231,6 +238,8 @@ struct Training<'a> {
     session: Session<'a>,
     state: OnlineState,
     replay: Replay,
+    /// When the last checkpoint was saved.
+    saved: Instant,
 }
 
 /// Sums over the updates of a round.
@@ -243,20 +252,22 @@ struct Round {
 impl Training<'_> {
     fn begin_and_run(&mut self, resumed: Option<Resumed>, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
         let learners = match resumed {
-            Some(resumed) => (resumed.learner, resumed.behaviour),
+            Some(resumed) => Some((resumed.learner, resumed.behaviour)),
             None => self.begin(listen)?,
         };
-        self.run(learners, listen)
+        learners.map_or(Ok(End::Stopped), |learners| self.run(learners, listen))
     }
 
-    /// The random episodes, and the learners before their first update.
-    fn begin(&mut self, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<(Learner, BehaviourLearner)> {
+    /// The random episodes, and the learners before their first update; none if the listener stopped it.
+    fn begin(&mut self, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Option<(Learner, BehaviourLearner)>> {
         let Setup { run, options, device, .. } = *self.setup;
         while self.state.episodes < options.prefill || self.replay.is_empty() {
             let lived = self.acting.live(self.training_task(None, "random".to_owned()))?;
             self.admit(lived.steps)?;
             let control_steps = self.state.control_steps;
-            listen(Event::Lived { control_steps, episode_return: lived.episode_return });
+            if listen(Event::Lived { control_steps, episode_return: lived.episode_return }) == Go::Stop {
+                return Ok(None);
+            }
         }
         let mut rng = update_rng(run.info().options.seed, 0, Purpose::Calibration);
         let windows = || Ok(self.replay.draw(CALIBRATION_WINDOWS, &mut rng));
@@ -266,7 +277,7 @@ impl Training<'_> {
         rng.set_stream(1 << 63);
         let behaviour = Behaviour::init(&run.info().model, options.behaviour.config(), &mut rng, device);
         let guard = options.behaviour.guard(&run.info().model, &mut rng, device);
-        Ok((learner, BehaviourLearner::new(behaviour, device).guarded(guard)))
+        Ok(Some((learner, BehaviourLearner::new(behaviour, device).guarded(guard))))
     }
 
     fn run(
@@ -275,21 +286,31 @@ impl Training<'_> {
         listen: &mut dyn FnMut(Event<'_>) -> Go,
     ) -> Result<End> {
         let options = self.setup.options;
-        self.evaluate(&learner, &behaviour, listen)?;
-        let first = options.first_updates.saturating_sub(self.state.updates);
-        if first > 0 {
-            let (learners, round, _) = self.updates(learner, behaviour, first, listen)?;
+        if !self.is_last() && self.evaluate(&learner, &behaviour, listen)? == Go::Stop {
+            return Ok(End::Stopped);
+        }
+        while self.state.updates < options.first_updates {
+            let until = (self.state.updates / FIRST_UPDATES_BETWEEN_SAVES + 1) * FIRST_UPDATES_BETWEEN_SAVES;
+            let count = until.min(options.first_updates) - self.state.updates;
+            let (learners, round, go) = self.updates(learner, behaviour, count, listen)?;
             (learner, behaviour) = learners;
             let line = self.line(&round, None, 1.0, 0.0);
             self.session.log(&line)?;
-            listen(Event::Metrics(&line));
+            let go = [go, listen(Event::Metrics(&line))];
             self.save(&learner, &behaviour, listen)?;
+            if go.contains(&Go::Stop) {
+                return Ok(End::Stopped);
+            }
         }
         loop {
             let go = self.evaluate(&learner, &behaviour, listen)?;
             if self.state.is_finished || go == Go::Stop {
                 self.save(&learner, &behaviour, listen)?;
-                return Ok(if self.state.is_finished { End::Updates } else { End::Stopped });
+                return Ok(match self.state.is_finished {
+                    true if self.state.control_steps >= options.control_steps => End::Updates,
+                    true => End::Minutes,
+                    false => End::Stopped,
+                });
             }
             let begun = Instant::now();
             let agent = Agent::new(&learner.model, &behaviour.behaviour.actor, self.setup.device);
@@ -315,14 +336,19 @@ impl Training<'_> {
                 self.session.log(&line)?;
                 go[0] = listen(Event::Metrics(&line));
             }
-            let is_stopped = go.contains(&Go::Stop) || self.session.is_out_of_time();
-            if self.session.is_save_due() || is_stopped {
+            let is_stopped = go.contains(&Go::Stop);
+            if self.session.is_save_due() || self.saved.elapsed() > BETWEEN_SAVES || is_stopped {
                 self.save(&learner, &behaviour, listen)?;
             }
             if is_stopped {
                 return Ok(End::Stopped);
             }
         }
+    }
+
+    /// Whether what comes next is the last evaluation: the control steps are lived through, or the minutes are up.
+    fn is_last(&self) -> bool {
+        self.state.control_steps >= self.setup.options.control_steps || self.session.is_out_of_time()
     }
 
     fn training_task(&self, agent: Option<TrainedAgent>, policy: String) -> Task {
@@ -436,7 +462,7 @@ impl Training<'_> {
         listen: &mut dyn FnMut(Event<'_>) -> Go,
     ) -> Result<Go> {
         let options = self.setup.options;
-        let is_last = self.state.control_steps >= options.control_steps;
+        let is_last = self.is_last();
         let is_due = options.evaluate_every > 0 && self.state.control_steps >= self.state.next_evaluation;
         if !is_last && !is_due {
             return Ok(Go::On);
@@ -453,10 +479,7 @@ impl Training<'_> {
         let evaluation = evaluate::evaluate(&self.acting, &agent, options, counters, seed, is_last)?;
         self.session.evaluated(&evaluation)?;
         self.state.is_finished = is_last;
-        self.state.next_evaluation = match options.evaluate_every {
-            0 => u64::MAX,
-            every => (self.state.control_steps / every + 1) * every,
-        };
+        self.state.next_evaluation = options.next_evaluation(self.state.control_steps);
         Ok(listen(Event::Evaluated(&evaluation)))
     }
 
@@ -478,6 +501,7 @@ impl Training<'_> {
         self.replay.complete()?;
         let state = self.state;
         self.session.save(learner, |folder| save_behaviour(folder, behaviour, state))?;
+        self.saved = Instant::now();
         listen(Event::Saved { update: self.session.state.update });
         Ok(())
     }
@@ -526,6 +550,9 @@ fn resume(run: &Run, device: &Device) -> Result<Option<Resumed>> {
     let is_guarded = folder.join(GUARD).is_file();
     let guard = is_guarded.then(|| Guard::load(&folder.join(GUARD), &run.info().model, device)).transpose()?;
     let mut behaviour = BehaviourLearner::new(behaviour, device).guarded(guard);
+    if !folder.join(MOMENTS).is_file() {
+        return Err(TrainError::KeptCopy { path: run.path().to_owned() });
+    }
     let (moments, _) = load_tensors(&folder.join(MOMENTS))?;
     behaviour.actor_optimizer.restore("actor", &moments, online.actor_steps, device);
     behaviour.critic_optimizer.restore("critic", &moments, online.critic_steps, device);

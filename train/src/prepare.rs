@@ -22,7 +22,8 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
     let observation = observation_kind(first, options.observations)?;
     for other in &recordings[1..] {
         let kind = observation_kind(other, options.observations)?;
-        if other.manifest().spec.action != spec.action || kind != observation {
+        let repeats = [spec, &other.manifest().spec].map(|spec| spec.action_repeat);
+        if other.manifest().spec.action != spec.action || kind != observation || repeats[0] != repeats[1] {
             let (found, wanted) = (describe(&other.manifest().spec, kind), describe(spec, observation));
             return Err(TrainError::OtherRecording { found, wanted, path: other.path().to_owned() });
         }
@@ -72,7 +73,10 @@ fn known_scale(path: &Path, from: Option<&Path>) -> Option<ModelConfig> {
 }
 
 /// That the run `from` has weights for this model; further heads may differ.
-fn same_model(from: &Path, wanted: &ModelConfig) -> Result<()> {
+///
+/// # Errors
+/// It has none, or for another model.
+pub(crate) fn same_model(from: &Path, wanted: &ModelConfig) -> Result<()> {
     let run = Run::open(from)?;
     run.newest_model()?;
     let found = &run.info().model;
@@ -101,5 +105,6 @@ fn observation_kind(recording: &Recording, wanted: Observations) -> Result<Obser
 }
 
 fn describe(spec: &Spec, kind: ObservationKind) -> String {
-    format!("{} with {kind} and {} actions", spec.task, spec.action.min.len())
+    let (actions, repeat) = (spec.action.min.len(), spec.action_repeat);
+    format!("{} with {kind} and {actions} actions, each held for {repeat} control steps", spec.task)
 }

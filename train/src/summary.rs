@@ -10,6 +10,8 @@ use crate::error::Result;
 use crate::evaluate::open_loop::AHEAD;
 use crate::learners::auxiliary::REGISTRY;
 use crate::metrics::{Row, read_rows};
+use crate::online::options::OnlineOptions;
+use crate::online::protocol::Protocol;
 use crate::run::{Run, RunInfo};
 
 /// Evaluations shown; of more, the first, the last and some between.
@@ -22,7 +24,8 @@ const SHOWN: usize = 12;
 pub fn write_summary(run: &Run) -> Result<()> {
     let rows = if run.metrics_path().exists() { read_rows(&run.metrics_path())? } else { Vec::new() };
     let evaluations = Metrics::read(&run.evaluations_path())?.lines.into_iter().map(Json::Object).collect::<Vec<_>>();
-    let page = summary(&run.name(), run.info(), &rows, &evaluations);
+    let protocol = OnlineOptions::read(run.path())?.and_then(|options| options.protocol);
+    let page = summary(&run.name(), run.info(), protocol, &rows, &evaluations);
     Ok(write_atomically(&run.path().join("summary.md"), page.as_bytes())?)
 }
 
@@ -46,6 +49,9 @@ fn model_free_summary(name: &str, info: &vibes_data::RunInfo, metrics: &Metrics,
     let text = |name: &str| option(name).as_str().unwrap_or("").to_owned();
     push(&mut page, &format!("* System **{}** ({}) on {}", text("system"), text("size"), info.task().unwrap_or("")));
     push(&mut page, &format!("* {} updates an agent step; seed {}", option("updates_per_step"), option("seed")));
+    if let Some(protocol) = online["protocol"].as_str() {
+        push(&mut page, &format!("* protocol {protocol}"));
+    }
     let last = |name: &str| metrics.last(name);
     let counted = |name: &str| last(name).unwrap_or(0.0);
     push(
@@ -97,9 +103,12 @@ fn returns(page: &mut String, evaluations: &[Json]) {
 }
 
 /// The page.
-fn summary(name: &str, info: &RunInfo, rows: &[Row], evaluations: &[Json]) -> String {
+fn summary(name: &str, info: &RunInfo, protocol: Option<Protocol>, rows: &[Row], evaluations: &[Json]) -> String {
     let mut page = format!("# {name}\n\n");
     about(&mut page, info);
+    if let Some(protocol) = protocol {
+        push(&mut page, &format!("* protocol {protocol}"));
+    }
     if let Some(last) = rows.last() {
         progress(&mut page, info, last);
     }

@@ -13,7 +13,7 @@ use crate::error::{Result, TrainError};
 
 /// Batches that wait to be used.
 const AHEAD: usize = 3;
-/// Bytes gathered before the recordings' pages are given back, so that memory does not grow to the size of the recordings.
+/// Bytes gathered before the recordings' pages are given back, as they are at the end, so that memory does not grow to the size of the recordings.
 const RELEASE_AFTER: usize = 1 << 29;
 
 /// What the windows of updates are drawn from.
@@ -61,9 +61,11 @@ impl Prefetch {
                     gathered = 0;
                 }
                 if sender.send(Ok(batch)).is_err() {
-                    return;
+                    break;
                 }
             }
+            // However few there were: online training gathers for one episode at a time.
+            windows.release();
         };
         // A panic here becomes an error of the run; left alone, it would be the scope's own.
         let gather = move || {
@@ -103,6 +105,32 @@ mod tests {
         }
 
         fn release(&self) {}
+    }
+
+    /// Counts how often its pages are given back.
+    #[derive(Default)]
+    struct Counted(std::sync::atomic::AtomicUsize);
+
+    impl Source for Counted {
+        fn sample(&self, _rng: &mut impl Rng) -> WindowBatch {
+            WindowBatch::default()
+        }
+
+        fn release(&self) {
+            self.0.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        }
+    }
+
+    #[test]
+    fn pages_are_given_back_at_the_end_of_every_round_however_short() {
+        let source = Counted::default();
+        for round in 0..3 {
+            thread::scope(|scope| {
+                let batches = Prefetch::start(scope, &source, 1, round..round + 2);
+                assert!(batches.next().is_ok() && batches.next().is_ok());
+            });
+        }
+        assert_eq!(source.0.into_inner(), 3);
     }
 
     #[test]

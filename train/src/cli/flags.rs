@@ -124,6 +124,16 @@ struct OptionFlags {
 }
 
 impl OptionArgs {
+    /// The preset's name, which may be that of a system without a world model.
+    pub(crate) fn preset(&self) -> &str {
+        &self.preset
+    }
+
+    /// The seed alone, whatever the preset is.
+    pub(crate) fn seed(&self) -> Result<u64> {
+        Ok(self.over(&Options::preset("small")?)?.seed)
+    }
+
     /// The preset, and over it the flags, typed or from a file.
     pub(crate) fn resolve(&self) -> Result<Options> {
         let layers = self.layers()?;

@@ -34,7 +34,7 @@ pub(crate) enum AgentKind {
 }
 
 /// Agents without a world model.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Agents without a world model (--agent sac or qt-opt)")]
 pub(crate) struct ModelFreeArgs {
     /// The agent: dreamer, sac or qt-opt.
@@ -82,6 +82,25 @@ fn wrong(text: String) -> anyhow::Error {
 }
 
 impl ModelFreeArgs {
+    /// Whether there is such a system.
+    pub(crate) fn is_system(name: &str) -> bool {
+        AgentOptions::system(name, Size::Small).is_ok()
+    }
+
+    /// The same arguments with the system that was named as a preset, which says what its agent is.
+    pub(crate) fn named(&self, preset: Option<&str>) -> Result<Self> {
+        let Some(name) = preset else { return Ok(self.clone()) };
+        if self.system.is_some() {
+            return Err(wrong(format!("--preset {name} and --system name one thing; leave out one of the two")));
+        }
+        let has_actor = AgentOptions::system(name, Size::Small)?.has_actor();
+        let agent = if has_actor { AgentKind::Sac } else { AgentKind::QtOpt };
+        if self.is_asked() && self.agent != agent {
+            return Err(wrong(format!("the system {name} is of another --agent; leave out one of the two")));
+        }
+        Ok(Self { agent, system: Some(name.to_owned()), ..self.clone() })
+    }
+
     /// Whether such an agent is asked for.
     pub(crate) fn is_asked(&self) -> bool {
         self.agent != AgentKind::Dreamer
@@ -189,7 +208,7 @@ pub(crate) fn run(context: &Context, folder: &Folder, device: DeviceArgs) -> Res
     let mut said: Option<Instant> = None;
     let end = model_free(folder, &device, &mut |event| {
         match &event {
-            Event::Start { control_steps: 0 } | Event::Update => {}
+            Event::Start { control_steps: 0 } | Event::Update | Event::Admitted => {}
             Event::Start { control_steps } => say(&format!("going on after {control_steps} control steps")),
             Event::Lived(line) => {
                 let is_due = std::io::stderr().is_terminal() || said.is_none_or(|said| said.elapsed() >= EVERY);

@@ -97,10 +97,10 @@ struct WorkArgs {
     #[arg(long, value_name = "N")]
     evaluate_every: Option<u64>,
     /// Episodes of an evaluation, on held-out and on training videos each [default: 5].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     evaluation_episodes: Option<u32>,
     /// Episodes of the last evaluation [default: 20].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     final_episodes: Option<u32>,
     /// Evaluate samples of the actor rather than its mode.
     #[arg(long)]
@@ -213,12 +213,49 @@ impl OnlineArgs {
         Ok(())
     }
 
+    /// That nothing was given that does not concern how this run begins.
+    fn check_beginning(&self, beginning: Beginning<'_>) -> Result<()> {
+        let (options, why): (&[&str], _) = match beginning {
+            Beginning::Nothing => (&["given_share"], "without recordings (name a RUN that has some)"),
+            Beginning::Offline => (
+                &["preset", "calibrate", "reward_scale", "reward_floor"],
+                "where an offline run is gone on from: it has that settled",
+            ),
+            Beginning::Again(_) => (&["preset"], "on a run that is there"),
+        };
+        self.refuse(options.iter().copied(), why)?;
+        self.refuse(["updates", "log_every"], "online, where control steps count and a line is a round")?;
+        match (&self.output, beginning) {
+            (Some(output), Beginning::Again(run)) if !is_same(output, run) => {
+                self.refuse(["output"], "on an online run that is there: it goes on in its own folder")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// That none of these options was given.
+    fn refuse<'a>(&self, options: impl IntoIterator<Item = &'a str>, why: &str) -> Result<()> {
+        match self.given.first_of(options) {
+            Some(option) => anyhow::bail!(TrainError::Options(format!("{option} has no effect {why}; leave it out"))),
+            None => Ok(()),
+        }
+    }
+
     /// That nothing was given that this agent, or a world like this, does not look at.
     fn check_given(&self, is_model_free: bool, options: &OnlineOptions) -> Result<()> {
         let of_other: Vec<String> = if is_model_free {
-            let work = ["rows_per_step", "given_share", "first_updates", "critic_first", "short_horizon", "short_for"];
+            let work = [
+                "rows_per_step",
+                "given_share",
+                "first_updates",
+                "critic_first",
+                "short_horizon",
+                "short_for",
+                "exploration",
+            ];
             let work = work.into_iter().map(str::to_owned);
-            let model = options_of::<OptionArgs>().into_iter().filter(|option| option != "seed");
+            let settled = |option: &String| option == "seed" || (option == "preset" && self.system().is_some());
+            let model = options_of::<OptionArgs>().into_iter().filter(|option| !settled(option));
             model.chain(options_of::<BehaviourArgs>()).chain(work).collect()
         } else {
             options_of::<ModelFreeArgs>().into_iter().filter(|option| option != "agent").collect()
@@ -227,15 +264,17 @@ impl OnlineArgs {
         let axes = options.world.distractors.axes;
         let background: &[&str] = if axes.background { &[] } else { &["videos", "video_count"] };
         let any: &[&str] = if axes == Axes::NONE { &["difficulty", "static"] } else { &[] };
-        let idle = |option: Option<String>, where_: String| match option {
-            Some(option) => Err(TrainError::Options(format!("{option} has no effect {where_}; leave it out"))),
-            None => Ok(()),
-        };
-        idle(self.given.first_of(of_other.iter().map(String::as_str)), format!("for an agent {agent}"))?;
+        self.refuse(of_other.iter().map(String::as_str), &format!("for an agent {agent}"))?;
         let unguarded: &[&str] = if options.behaviour.guard > 0.0 { &[] } else { &["guard_members"] };
-        idle(self.given.first_of(unguarded.iter().copied()), "without a guard (--guard)".to_owned())?;
-        let distractors = [background, any].concat();
-        Ok(idle(self.given.first_of(distractors), "without such distractors (--distract)".to_owned())?)
+        self.refuse(unguarded.iter().copied(), "without a guard (--guard)")?;
+        self.refuse([background, any].concat(), "without such distractors (--distract)")
+    }
+
+    /// The system without a world model that `--preset` names, if it names one.
+    fn system(&self) -> Option<&str> {
+        let name = self.options.preset();
+        let is_typed = self.given.first_of(["preset"]).is_some();
+        (is_typed && ModelFreeArgs::is_system(name)).then_some(name)
     }
 
     /// The run without a world model that is asked for, if one is: by its agent, or by being the run to go on with.
@@ -244,32 +283,33 @@ impl OnlineArgs {
             let mut options = found.options().clone();
             self.lay_over(&mut options.online)?;
             self.check_given(true, &options.online)?;
+            self.check_beginning(Beginning::Again(found.path()))?;
             let settled = options_of::<ModelFreeArgs>();
-            if let Some(option) = self.given.first_of(settled.iter().map(String::as_str)) {
-                let text = format!("{option} has no effect on a run that is there; leave it out, or begin another");
-                anyhow::bail!(TrainError::Options(text));
-            }
+            let settled = settled.iter().map(String::as_str).chain(["seed"]);
+            self.refuse(settled, "on a run that is there")?;
             return Ok(Some(Folder::create_or_open(found.path(), options)?));
         }
-        let Some(task) = self.from.task.as_deref().filter(|_| self.model_free.is_asked()) else {
-            if self.model_free.is_asked() {
+        let model_free = self.model_free.named(self.system())?;
+        let Some(task) = self.from.task.as_deref().filter(|_| model_free.is_asked()) else {
+            if model_free.is_asked() {
                 let text = "agents without a world model begin with --task, or go on with a run of theirs";
                 anyhow::bail!(TrainError::Options(text.to_owned()));
             }
             return Ok(None);
         };
         let mut world = prepare::default_world(task)?;
-        world.size = self.model_free.picture_size()?.or(world.size);
-        let mut options = prepare::default_options(world, false);
+        world.size = model_free.picture_size()?.or(world.size);
+        let mut options = OnlineOptions { exploration: 0.0, ..prepare::default_options(world, false) };
         self.lay_over(&mut options)?;
         self.check_given(true, &options)?;
-        let seed = self.options.resolve()?.seed;
-        Ok(Some(self.model_free.prepare(self.output.as_deref(), seed, options)?))
+        let seed = self.options.seed()?;
+        Ok(Some(model_free.prepare(self.output.as_deref(), seed, options)?))
     }
 
     /// The run and its options: those of the run to go on from, or the defaults; what was typed lies over them.
     fn prepare(&self) -> Result<Prepared> {
         if let Some(task) = &self.from.task {
+            self.check_beginning(Beginning::Nothing)?;
             let model = self.options.resolve()?;
             let mut options = prepare::default_options(prepare::default_world(task)?, false);
             self.lay_over(&mut options)?;
@@ -282,10 +322,12 @@ impl OnlineArgs {
         let found = Run::open(path)?;
         let model = self.options.over(&found.info().options)?;
         if let Some(mut options) = OnlineOptions::read(path)? {
+            self.check_beginning(Beginning::Again(path))?;
             self.lay_over(&mut options)?;
             self.check_given(false, &options)?;
             return Ok(prepare::again(path, &model, options)?);
         }
+        self.check_beginning(Beginning::Offline)?;
         let mut options = prepare::default_options(world_of(&found)?, true);
         self.lay_over(&mut options)?;
         self.check_given(false, &options)?;
@@ -294,10 +336,30 @@ impl OnlineArgs {
     }
 }
 
-/// The world that an offline run's pictures come from.
+/// How a run begins.
+#[derive(Clone, Copy)]
+enum Beginning<'a> {
+    /// From nothing.
+    Nothing,
+    /// On from an offline run, into a folder of its own.
+    Offline,
+    /// On with the run that is there.
+    Again(&'a Path),
+}
+
+/// Whether two paths lead to one folder.
+fn is_same(one: &Path, other: &Path) -> bool {
+    one == other || one.canonicalize().ok().zip(other.canonicalize().ok()).is_some_and(|(one, other)| one == other)
+}
+
+/// The world that an offline run's recordings come from.
 fn world_of(run: &Run) -> Result<WorldOptions> {
     let model = &run.info().model;
     let mut world = prepare::default_world(&model.task)?;
+    if let Some(first) = run.open_recordings()?.first() {
+        world.action_repeat = first.manifest().spec.action_repeat;
+        world.steps = vibes_env::EPISODE_CONTROL_STEPS.div_ceil(world.action_repeat);
+    }
     world.size = match model.observation {
         vibes_model::ObservationKind::Pixels { height, .. } => Some(height as u32),
         vibes_model::ObservationKind::Vector { .. } => None,
@@ -395,7 +457,8 @@ fn report(context: &Context, run: &Run, end: End) -> Result<()> {
     let last: Option<serde_json::Value> = text.lines().last().and_then(|line| serde_json::from_str(line).ok());
     if context.json {
         let end = format!("{end:?}").to_lowercase();
-        println!("{}", serde_json::json!({ "run": run.path(), "end": end, "evaluation": last }));
+        let protocol = OnlineOptions::read(run.path())?.and_then(|options| options.protocol);
+        println!("{}", serde_json::json!({ "run": run.path(), "end": end, "protocol": protocol, "evaluation": last }));
         return Ok(());
     }
     if context.quiet {
@@ -405,10 +468,13 @@ fn report(context: &Context, run: &Run, end: End) -> Result<()> {
     let text = found.map_or(String::new(), |mean| format!("; mean return on held-out videos {mean:.1}"));
     match end {
         End::Nothing => {
-            println!("{path} has lived through its control steps already{text}; ask for more with --control-steps N");
+            println!(
+                "{path} has lived through its control steps, or its minutes, already{text}; ask for more with --control-steps N or --minutes M"
+            );
         }
         End::Updates => println!("done{text}; next: vibes-collect --policy {path} --grid 10x10"),
-        End::Minutes | End::Stopped => println!("stopped and saved{text}; the same command goes on from there: {path}"),
+        End::Minutes => println!("the minutes are up{text}; ask for more with --minutes M: {path}"),
+        End::Stopped => println!("stopped and saved{text}; the same command goes on from there: {path}"),
     }
     Ok(())
 }

@@ -13,7 +13,7 @@
 //! that the episode before has paid for. So every number is decided by the options and the seed, and a run that was stopped goes on from its last checkpoint to the
 //! same bytes.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
@@ -35,6 +35,9 @@ pub mod folder;
 
 use folder::{Folder, ModelFreeOptions};
 
+/// Longest time between checkpoints, so that a kill never costs more than two minutes.
+const BETWEEN_SAVES: Duration = Duration::from_secs(100);
+
 /// What the loop tells its listener.
 #[derive(Debug)]
 pub enum Event<'a> {
@@ -45,6 +48,8 @@ pub enum Event<'a> {
     },
     /// An episode was lived through, learned from, and logged.
     Lived(&'a Line),
+    /// A random episode was lived through, before anything is learned.
+    Admitted,
     /// An update was made.
     Update,
     /// The agent was evaluated.
@@ -128,6 +133,8 @@ pub(super) fn model_free_living(
         return Ok(End::Nothing);
     }
     state.is_finished = false;
+    // Evaluations may have been asked for more often since then.
+    state.next_evaluation = state.next_evaluation.min(options.online.next_evaluation(state.control_steps));
     let learner = match resumed {
         Some((learner, _)) => learner,
         None => options.learner(device)?,
@@ -141,7 +148,8 @@ pub(super) fn model_free_living(
     let evaluations = MetricsFile::open(&folder.places().evaluations_path(), state.update)?;
     std::thread::scope(|scope| {
         let acting = ActorThread::living(live, scope, world, libraries, replay.writer());
-        let mut training = Training { folder, options, device, acting, replay, metrics, evaluations, state };
+        let saved = Instant::now();
+        let mut training = Training { folder, options, device, acting, replay, metrics, evaluations, state, saved };
         let end = training.run(learner, listen);
         if end.is_err() {
             // What was lived through is listed in the recording, whatever ended the run; what ended it is what is told.
@@ -160,6 +168,8 @@ struct Training<'a> {
     metrics: MetricsFile,
     evaluations: MetricsFile,
     state: State,
+    /// When the last checkpoint was saved.
+    saved: Instant,
 }
 
 impl Training<'_> {
@@ -167,6 +177,9 @@ impl Training<'_> {
         while self.state.episodes < self.options.online.prefill.max(1) {
             let lived = self.acting.live(self.task(None, "random".to_owned()))?;
             self.admit(lived.steps)?;
+            if listen(Event::Admitted) == Go::Stop {
+                return Ok(End::Stopped);
+            }
         }
         loop {
             let go = self.evaluate(&learner, listen)?;
@@ -188,7 +201,8 @@ impl Training<'_> {
             let line = self.line(&round, lived.episode_return, f64::from(lived.steps) / seconds);
             self.metrics.append(&line)?;
             let is_stopped = [go, listen(Event::Lived(&line))].contains(&Go::Stop);
-            if is_stopped || self.state.episodes.is_multiple_of(self.options.save_every.max(1)) {
+            let is_due = self.state.episodes.is_multiple_of(self.options.save_every.max(1));
+            if is_stopped || is_due || self.saved.elapsed() > BETWEEN_SAVES {
                 self.save(&learner)?;
             }
             if is_stopped {
@@ -198,8 +212,9 @@ impl Training<'_> {
     }
 
     /// Saves a checkpoint, and the replay's manifest up to what it was made from.
-    fn save(&self, learner: &ModelFreeLearner) -> Result<()> {
+    fn save(&mut self, learner: &ModelFreeLearner) -> Result<()> {
         self.replay.complete()?;
+        self.saved = Instant::now();
         self.folder.save(learner, self.state)
     }
 
@@ -300,10 +315,7 @@ impl Training<'_> {
         let evaluation = evaluate::evaluate(&self.acting, &agent, options, counters, self.options.seed, is_last)?;
         self.evaluations.append(&evaluation)?;
         self.state.is_finished = is_last;
-        self.state.next_evaluation = match options.evaluate_every {
-            0 => u64::MAX,
-            every => (self.state.control_steps / every + 1) * every,
-        };
+        self.state.next_evaluation = options.next_evaluation(self.state.control_steps);
         Ok(listen(Event::Evaluated(&evaluation)))
     }
 }

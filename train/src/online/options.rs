@@ -105,9 +105,26 @@ impl OnlineOptions {
     }
 
     fn first_difference(&self, asked: &Self) -> Option<(String, String, String)> {
-        let free = ["control_steps", "evaluate_every", "evaluation_episodes", "final_episodes"];
-        let [mine, theirs] = [self, asked].map(|options| serde_json::to_value(options).unwrap_or_default());
-        difference("", &mine, &theirs).filter(|(key, ..)| !free.contains(&key.as_str()) || self.protocol.is_some())
+        let free: &[&str] = match self.protocol {
+            Some(_) => &[],
+            None => &["control_steps", "evaluate_every", "evaluation_episodes", "final_episodes"],
+        };
+        let [mine, theirs] = [self, asked].map(|options| {
+            let mut value = serde_json::to_value(options).unwrap_or_default();
+            if let Some(entries) = value.as_object_mut() {
+                entries.retain(|key, _| !free.contains(&key.as_str()));
+            }
+            value
+        });
+        difference("", &mine, &theirs)
+    }
+
+    /// At which control steps the next evaluation is due, seen from so many.
+    pub fn next_evaluation(&self, control_steps: u64) -> u64 {
+        match self.evaluate_every {
+            0 => u64::MAX,
+            every => (control_steps / every + 1) * every,
+        }
     }
 
     /// Actor and critic after so many updates of them: with the short first horizon, if there is one and it is not over.
@@ -138,6 +155,11 @@ impl OnlineOptions {
         if !(self.exploration.is_finite() && self.exploration >= 0.0) {
             return wrong(format!("--exploration is {}; it must be 0 or more", self.exploration));
         }
+        if self.short_horizon > 0 && self.short_horizon >= self.behaviour.horizon {
+            let (short, horizon) = (self.short_horizon, self.behaviour.horizon);
+            return wrong(format!("--short-horizon is {short}; it must be below the horizon of {horizon}"));
+        }
+        self.world.check_videos()?;
         match self.protocol {
             Some(protocol) => self.is_under(protocol),
             None => Ok(()),
@@ -182,12 +204,23 @@ impl OnlineOptions {
         if world.size.is_none() {
             return refuse("observations", "vectors".to_owned(), "pictures".to_owned());
         }
+        let (steps, whole) = (world.steps, vibes_env::EPISODE_CONTROL_STEPS.div_ceil(world.action_repeat));
+        if steps != whole {
+            return refuse("agent steps of an episode", steps.to_string(), whole.to_string());
+        }
+        if !self.evaluate_mode {
+            return refuse("evaluations", "of samples".to_owned(), "of the actor's mode".to_owned());
+        }
         Ok(())
     }
 }
 
 /// The first entry in which two JSON values differ, by its path.
-fn difference(at: &str, left: &serde_json::Value, right: &serde_json::Value) -> Option<(String, String, String)> {
+pub(super) fn difference(
+    at: &str,
+    left: &serde_json::Value,
+    right: &serde_json::Value,
+) -> Option<(String, String, String)> {
     use serde_json::Value::Object;
     match (left, right) {
         (Object(left), Object(right)) => {
@@ -208,6 +241,36 @@ mod tests {
     use super::super::prepare::{default_options, default_world};
     use super::*;
 
+    #[test]
+    fn a_longer_run_hides_no_other_change() {
+        let found = default_options(default_world("cartpole-swingup").unwrap(), false);
+        let longer = OnlineOptions { control_steps: 600_000, evaluate_every: 5000, ..found.clone() };
+        assert_eq!(found.first_difference(&longer), None);
+        let changes: [(&str, fn(&mut OnlineOptions)); 6] = [
+            ("exploration", |options| options.exploration = 0.0),
+            ("first_updates", |options| options.first_updates = 7),
+            ("prefill", |options| options.prefill = 9),
+            ("rows_per_step", |options| options.rows_per_step = 64.0),
+            ("behaviour.discount", |options| options.behaviour.discount = 0.5),
+            ("world.steps", |options| options.world.steps = 40),
+        ];
+        for (key, change) in changes {
+            let mut other = longer.clone();
+            change(&mut other);
+            assert_eq!(found.first_difference(&other).map(|(key, ..)| key).as_deref(), Some(key));
+        }
+    }
+
+    #[test]
+    fn the_next_evaluation_is_at_the_next_multiple() {
+        let every = |evaluate_every| OnlineOptions {
+            evaluate_every,
+            ..default_options(default_world("cartpole-swingup").unwrap(), false)
+        };
+        assert_eq!([0, 9999, 10_000].map(|at| every(10_000).next_evaluation(at)), [10_000, 10_000, 20_000]);
+        assert_eq!(every(0).next_evaluation(5), u64::MAX);
+    }
+
     fn settled(task: &str) -> OnlineOptions {
         let mut options = default_options(default_world(task).unwrap(), false);
         options.settle(Protocol::DcsEasyDynamic500k);
@@ -219,7 +282,9 @@ mod tests {
         let options = settled("cartpole-swingup");
         assert_eq!((options.world.action_repeat, options.control_steps, options.final_episodes), (8, 500_000, 100));
         assert!(options.check().is_ok());
-        let changes: [fn(&mut OnlineOptions); 5] = [
+        let changes: [fn(&mut OnlineOptions); 7] = [
+            |options| options.world.steps = 10,
+            |options| options.evaluate_mode = false,
             |options| options.world.action_repeat = 4,
             |options| options.control_steps = 100_000,
             |options| options.final_episodes = 10,

@@ -7,12 +7,13 @@ use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::Look;
 use vibes_env::videos::VideoSource;
 use vibes_env::{Environment, EnvironmentOptions};
-use vibes_model::ObservationKind;
+use vibes_model::{ModelConfig, ObservationKind};
 
 use super::options::{OnlineOptions, WorldOptions};
 use crate::error::{Result, TrainError};
 use crate::learners::behaviour::BehaviourOptions;
 use crate::options::Options;
+use crate::prepare::same_model;
 use crate::run::{Run, RunInfo, versions};
 use crate::settings::Observations;
 
@@ -76,6 +77,7 @@ pub fn default_options(world: WorldOptions, is_given: bool) -> OnlineOptions {
 /// The folder holds another run, or cannot be written, or the task has no such observations.
 pub fn from_nothing(path: &Path, model: &Options, options: OnlineOptions) -> Result<Prepared> {
     options.check()?;
+    check_length(&options, model.length)?;
     let spec = options.world.spec()?;
     let kind = observation_kind(&spec, model.observations, path)?;
     let unit = REWARD_STD * f64::from(options.world.action_repeat);
@@ -101,20 +103,19 @@ pub fn from_nothing(path: &Path, model: &Options, options: OnlineOptions) -> Res
 /// `from` has no checkpoint or its recordings are gone, or the folder holds another run, or cannot be written.
 pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions) -> Result<Prepared> {
     options.check()?;
-    from.newest_model()?;
+    check_length(&options, model.length)?;
     let given = from.open_recordings()?;
+    check_repeats(&given, options.world.action_repeat)?;
     let spec = options.world.spec()?;
+    let kind = observation_kind(&spec, model.observations, path)?;
     let found = &from.info().model;
-    if found.task != spec.task || found.actions() != spec.action_len() {
-        return Err(TrainError::OtherModel {
-            found: found.task.clone(),
-            wanted: spec.task,
-            path: from.path().to_owned(),
-        });
-    }
+    let made = model.model(&spec, kind, 1.0);
+    // The unit of reward stays as the run has it.
+    let wanted = ModelConfig { reward_scale: found.reward_scale, reward_floor: found.reward_floor, ..made };
+    same_model(from.path(), &wanted)?;
     let info = RunInfo {
         format: RUN_FORMAT.to_owned(),
-        model: found.clone(),
+        model: wanted,
         from: Some(relative_place(from.path(), path)),
         options: model.clone(),
         recordings: given.iter().map(|recording| relative_place(recording.path(), path)).collect(),
@@ -133,12 +134,38 @@ pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions
 /// The run's recordings are gone, or something else differs.
 pub fn again(path: &Path, model: &Options, options: OnlineOptions) -> Result<Prepared> {
     options.check()?;
+    check_length(&options, model.length)?;
     let found = Run::open(path)?;
     let given = found.open_recordings()?;
     let info = RunInfo { options: model.clone(), ..found.info().clone() };
     let run = Run::create_or_open(path, info)?;
     options.keep(run.path())?;
     Ok(Prepared { run, options, given })
+}
+
+/// That an episode of the world is as long as a window of the learner's.
+///
+/// # Errors
+/// It is shorter: nothing could ever be learned from it.
+pub(super) fn check_length(options: &OnlineOptions, window: usize) -> Result<()> {
+    let steps = options.world.steps;
+    if steps as usize >= window {
+        return Ok(());
+    }
+    let text = format!("--steps is {steps}, and a window has {window} rows; an episode must have as many at least");
+    Err(TrainError::Options(text))
+}
+
+/// That recordings hold every action for as long as the world does: their rewards are sums over it.
+fn check_repeats(given: &[Recording], action_repeat: u32) -> Result<()> {
+    let other = given.iter().find(|recording| recording.manifest().spec.action_repeat != action_repeat);
+    other.map_or(Ok(()), |recording| {
+        Err(TrainError::OtherRecording {
+            found: format!("actions held for {} control steps", recording.manifest().spec.action_repeat),
+            wanted: format!("actions held for {action_repeat} (--action-repeat)"),
+            path: recording.path().to_owned(),
+        })
+    })
 }
 
 fn observation_kind(spec: &Spec, wanted: Observations, path: &Path) -> Result<ObservationKind> {

@@ -1,4 +1,5 @@
-//! What a panic of the thread that acts leaves behind. It is caused where a driver or a network would cause it, on the stage between two episodes of the thread's own.
+//! What a run does that is stopped, out of time, or begun with what cannot be; and what a panic of the thread that acts leaves behind. The panic is caused where a driver or a
+//! network would cause it, on the stage between two episodes of the thread's own.
 
 use std::path::Path;
 
@@ -38,12 +39,35 @@ fn options() -> OnlineOptions {
 
 /// The run at `path` as far as it gets, by an actor's thread that lives in this way.
 fn with_a_world_model(path: &Path, live: Living) -> Result<End> {
+    lived(path, options(), 0.0, live, &mut |_| Go::On)
+}
+
+fn tiny() -> Options {
     let mut model = Options::preset("tiny").unwrap();
     model.settings.checkpoint_every = 8;
-    let prepared = prepare::from_nothing(path, &model, options()).unwrap();
+    model
+}
+
+fn lived(
+    path: &Path,
+    options: OnlineOptions,
+    minutes: f64,
+    live: Living,
+    listen: &mut dyn FnMut(Event<'_>) -> Go,
+) -> Result<End> {
+    let mut model = tiny();
+    model.settings.minutes = minutes;
+    let prepared = prepare::from_nothing(path, &model, options)?;
     let setup =
         Setup { run: &prepared.run, options: &prepared.options, given: &prepared.given, device: &Device::flex() };
-    online_living(live, &setup, &mut |_| Go::On)
+    online_living(live, &setup, listen)
+}
+
+/// The lines of evaluations, whether each is the last one.
+fn finals(run: &Path) -> Vec<bool> {
+    let text = std::fs::read_to_string(run.join("evaluations.jsonl")).unwrap();
+    let line = |line: &str| serde_json::from_str::<serde_json::Value>(line).unwrap()["is_final"] == true;
+    text.lines().map(line).collect()
 }
 
 /// The same from pictures, without a world model.
@@ -104,4 +128,108 @@ fn a_thread_that_panics_is_an_error_with_its_words_and_the_run_goes_on_later() {
             assert!(place == other && wanted == found, "{place} {other}");
         }
     }
+}
+
+#[test]
+fn a_run_that_is_stopped_anywhere_stops_there_and_the_same_command_ends_with_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = OnlineOptions { first_updates: 250, evaluate_every: 80, ..options() };
+    let undisturbed = folder.path().join("undisturbed");
+    let mut events = 0;
+    let count = &mut |_: Event<'_>| {
+        events += 1;
+        Go::On
+    };
+    assert_eq!(lived(&undisturbed, options.clone(), 0.0, actor::as_it_is, count).unwrap(), End::Updates);
+    let wanted = left_behind(&undisturbed);
+    // In the random episodes, at the first evaluation, in the first updates, in a round, before the last evaluation.
+    for stop_at in [2, 4, 30, 150, events - 3, events - 1] {
+        let run = folder.path().join(format!("stopped-{stop_at}"));
+        let (mut seen, mut after) = (0, 0);
+        let stop = &mut |event: Event<'_>| {
+            seen += 1;
+            after += usize::from(seen > stop_at && matches!(event, Event::Update));
+            if seen >= stop_at { Go::Stop } else { Go::On }
+        };
+        let end = lived(&run, options.clone(), 0.0, actor::as_it_is, stop).unwrap();
+        assert!(end == End::Stopped || seen + 3 > events, "{end:?} at {stop_at} of {events}");
+        assert!(after < 100, "{after} updates after it was to stop at {stop_at}");
+        lived(&run, options.clone(), 0.0, actor::as_it_is, &mut |_| Go::On).unwrap();
+        assert!(wanted == left_behind(&run), "stopped at {stop_at} of {events}");
+        assert_eq!(finals(&run), finals(&undisturbed), "stopped at {stop_at} of {events}");
+    }
+}
+
+#[test]
+fn a_run_whose_minutes_are_up_is_evaluated_once_and_goes_on_with_more_of_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let go = |minutes| lived(&run, options(), minutes, actor::as_it_is, &mut |_| Go::On).unwrap();
+    assert_eq!([go(1e-4), go(1e-4)], [End::Minutes, End::Nothing]);
+    assert_eq!(finals(&run).iter().filter(|is_final| **is_final).count(), 1);
+    assert_eq!([go(0.0), go(0.0)], [End::Updates, End::Nothing]);
+    assert_eq!(finals(&run).iter().filter(|is_final| **is_final).count(), 2);
+}
+
+#[test]
+fn an_episode_without_a_window_is_refused_before_anything_is_begun() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let short = OnlineOptions { world: options::WorldOptions { steps: 7, ..options().world }, ..options() };
+    let error = prepare::from_nothing(&run, &tiny(), short.clone()).unwrap_err().to_string();
+    assert!(error.contains("--steps is 7, and a window has 8 rows") && !run.exists(), "{error}");
+    let world = options::WorldOptions { size: Some(24), steps: 2, ..short.world };
+    let (system, agent) = ("sac-drq".to_owned(), AgentOptions::system("sac-drq", Size::Small).unwrap());
+    let online = OnlineOptions { world, ..options() };
+    let format = FORMAT.to_owned();
+    let options = ModelFreeOptions {
+        format,
+        system,
+        size: Size::Small,
+        seed: 0,
+        agent,
+        updates_per_step: 0.1,
+        save_every: 1,
+        online,
+    };
+    let error = Folder::create_or_open(&run, options).unwrap_err().to_string();
+    assert!(error.contains("--steps is 2"), "{error}");
+}
+
+#[test]
+fn an_offline_run_is_gone_on_from_with_its_own_sizes_and_action_repeat_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, offline] = ["first", "offline"].map(|name| folder.path().join(name));
+    with_a_world_model(&first, actor::as_it_is).unwrap();
+    let replay = [Recording::open(&first.join("replay")).unwrap()];
+    let mut model = tiny();
+    model.settings.updates = 3;
+    let run = crate::prepare::prepare(&offline, &replay, &model, None).unwrap();
+    crate::fit::fit(&run, &replay, &Device::flex(), None, &mut |_| Go::On).unwrap();
+    let from = |name: &str, change: &dyn Fn(&mut Options, &mut OnlineOptions)| {
+        let (mut model, mut online) = (model.clone(), options());
+        change(&mut model, &mut online);
+        prepare::from_run(&folder.path().join(name), &run, &model, online)
+    };
+    let refused = |name: &str, change: &dyn Fn(&mut Options, &mut OnlineOptions)| {
+        let error = from(name, change).unwrap_err().to_string();
+        assert!(!folder.path().join(name).exists(), "{error}");
+        error
+    };
+    let error = refused("wide", &|model, _| model.settings.hidden = 64);
+    assert!(error.contains("begin from a run of the same task, sizes and objective"), "{error}");
+    let error = refused("held", &|_, online| online.world.action_repeat = 5);
+    assert!(error.contains("actions held for 2 control steps") && error.contains("--action-repeat"), "{error}");
+    let prepared = from("as-it-is", &|_, _| {}).unwrap();
+    assert_eq!(prepared.run.info().model, run.info().model);
+    let setup =
+        Setup { run: &prepared.run, options: &prepared.options, given: &prepared.given, device: &Device::flex() };
+    assert_eq!(online(&setup, &mut |_| Go::On).unwrap(), End::Updates);
+    // A term that begins with the online run brings a head of its own.
+    let added = from("added", &|model, _| {
+        *model = model.with(&[("a test", toml::toml! { inverse_weight = 0.5 })]).unwrap();
+    });
+    let added = added.unwrap();
+    let setup = Setup { run: &added.run, options: &added.options, given: &added.given, device: &Device::flex() };
+    assert_eq!(online(&setup, &mut |_| Go::On).unwrap(), End::Updates);
 }

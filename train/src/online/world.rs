@@ -39,6 +39,20 @@ impl WorldOptions {
         Ok(Arc::new(VideoLibrary::open(&self.videos, set, &names, pictures.look.sky_side(pictures.size))?))
     }
 
+    /// That a folder of videos is there and holds both sets, before anything is begun.
+    ///
+    /// # Errors
+    /// It does not, or holds too few.
+    pub fn check_videos(&self) -> Result<()> {
+        if self.pictures().is_some() && self.distractors.axes.background {
+            let count = self.video_count.or(self.distractors.difficulty.videos());
+            for set in [VideoSet::Train, VideoSet::Val] {
+                self.videos.list(set, count)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Eyes on the world, under videos of one set.
     ///
     /// # Errors

@@ -13,7 +13,8 @@ use crate::error::{Result, TrainError, io, malformed};
 use crate::json::write_json;
 use crate::learners::model_free::{AgentOptions, ModelFreeLearner, picture};
 use crate::learners::sac::options::Size;
-use crate::online::options::OnlineOptions;
+use crate::online::options::{OnlineOptions, difference};
+use crate::online::prepare::check_length;
 use crate::summary::write_model_free_summary;
 use crate::windows::{Purpose, update_rng};
 
@@ -54,20 +55,23 @@ impl ModelFreeOptions {
         self.agent.learner(&self.online.world.spec()?, &mut rng, device)
     }
 
-    /// How long to go on may change from one call to the next; nothing else.
-    fn may_follow(&self, found: &Self) -> bool {
+    /// The first option that these may not differ in from those of the run that is there; how long to go on may change from one call to the next.
+    fn first_difference(&self, found: &Self) -> Option<(String, String, String)> {
         let fixed = |options: &Self| Self {
             online: OnlineOptions {
                 control_steps: 0,
                 evaluate_every: 0,
                 evaluation_episodes: 0,
                 final_episodes: 0,
+                // These agents do not look at it, and older files say another number.
+                exploration: 0.0,
                 ..options.online.clone()
             },
             save_every: 0,
             ..options.clone()
         };
-        fixed(self) == fixed(found)
+        let [found, asked] = [found, self].map(|options| serde_json::to_value(fixed(options)).unwrap_or_default());
+        difference("", &found, &asked)
     }
 }
 
@@ -88,6 +92,11 @@ impl Folder {
     pub fn create_or_open(path: &Path, options: ModelFreeOptions) -> Result<Self> {
         options.online.check()?;
         picture(&options.online.world.spec()?)?;
+        let [length, batch] = options.agent.windows();
+        check_length(&options.online, length)?;
+        if batch == 0 {
+            return Err(TrainError::Options("--transitions is 0; it must be above 0".to_owned()));
+        }
         if !(options.updates_per_step.is_finite() && options.updates_per_step > 0.0) {
             let text = format!("--updates-per-step is {}; it must be above 0", options.updates_per_step);
             return Err(TrainError::Options(text));
@@ -98,9 +107,9 @@ impl Folder {
             return Err(other(path, "agent", "dreamer", &options.system));
         }
         if let Some(found) = Self::open(path)?
-            && !options.may_follow(&found.options)
+            && let Some((key, found, asked)) = options.first_difference(&found.options)
         {
-            return Err(other(path, "options", &found.options.system, &options.system));
+            return Err(other(path, &key, &found, &asked));
         }
         fs::create_dir_all(path.join("checkpoints")).map_err(io("create", path))?;
         write_json(&folder.model_free_path(), &options)?;
