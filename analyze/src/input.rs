@@ -78,6 +78,16 @@ pub enum InputError {
         /// The file.
         path: PathBuf,
     },
+    /// An evaluation of a run that is damaged.
+    #[error(
+        "{fact}; an evaluation as `vibes-train evaluate` writes it is expected; write it anew, or take it away: {path}"
+    )]
+    Document {
+        /// What is wrong with it.
+        fact: String,
+        /// The file.
+        path: PathBuf,
+    },
     /// Nobody has a column that is asked for.
     #[error("no table has a column {column}, choose among {found}, or name the table that has it with --join: {path}")]
     NoSuchColumn {

@@ -37,7 +37,23 @@ const KNOWN: [(&str, &str, bool); 16] = [
 ];
 
 /// What is in the names of metrics of which a lower number is better.
-const LOW: [&str; 6] = ["gap", "loss", "error", "distractor_share", "within_state_share", "shuffled"];
+const LOW: [&str; 14] = [
+    "gap",
+    "loss",
+    "error",
+    "distractor_share",
+    "interaction_share",
+    "within_state_share",
+    "symmetry_ratio",
+    "shuffled",
+    // What is read of a distractor.
+    "/video/",
+    "/video frame/",
+    "/camera ",
+    " red/",
+    " green/",
+    " blue/",
+];
 
 /// A metric to show.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -52,7 +68,7 @@ pub struct Metric {
 
 impl Metric {
     /// A metric by its name. Of an unknown one a higher number is better, unless its name says that it is a gap, a loss or an error, or what a latent should
-    /// not hold or do: the distractors' share, a state's spread over them, rewards foreseen whatever the actions are.
+    /// not hold or do: the distractors' share, a state's spread over them, rewards foreseen whatever the actions are, the video that is shown.
     #[must_use]
     pub fn named(name: &str) -> Self {
         let known = KNOWN.iter().find(|known| known.0 == name);
@@ -81,6 +97,7 @@ mod tests {
     fn a_lower_number_is_better_where_latents_should_not_hold_something() {
         let better = |name: &str| Metric::named(name).higher_is_better;
         assert!(better("retrieval_same_step@1") && better("open_loop_reward_r2@5") && better(KNOWN[14].0));
+        assert!(!better("interaction_share") && !better("probe/video/hs") && !better("probe_knn/pole red/s"));
         assert!(!better("distractor_share") && !better("open_loop_reward_r2_shuffled@5") && !better(DYNAMICS_GAP));
         let full = Metric::named("held_out.numbers.distractor_share.estimate");
         assert_eq!((full.title.as_str(), full.higher_is_better), ("held-out distractor_share", false));

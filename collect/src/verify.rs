@@ -27,6 +27,8 @@ const PICTURE_TOLERANCE: f64 = 3.0;
 pub struct Verdict {
     /// What is wrong, one file a finding.
     pub findings: Vec<Finding>,
+    /// Episodes simulated again.
+    pub simulated: usize,
     /// Largest difference of a position simulated again.
     pub largest_qpos_error: f64,
     /// Largest mean difference of a picture drawn again, of 255.
@@ -45,13 +47,24 @@ impl Verdict {
             count => format!("; {count} episodes were recorded elsewhere and are not simulated"),
         };
         let state = if self.findings.is_empty() { "sound" } else { "damaged" };
-        format!(
-            "{state}: {episodes} episodes, {} findings; simulated again: largest position error {:.1e}; {} pictures drawn again: largest mean error {:.2} of 255{foreign}",
-            self.findings.len(),
-            self.largest_qpos_error,
-            self.pictures,
-            self.largest_picture_error
-        )
+        let simulated = match self.qpos_error() {
+            Some(error) => format!("; {} simulated again: largest position error {error:.1e}", self.simulated),
+            None => "; nothing was simulated again".to_owned(),
+        };
+        let drawn = self.picture_error().map_or_else(String::new, |error| {
+            format!("; {} pictures drawn again: largest mean error {error:.2} of 255", self.pictures)
+        });
+        format!("{state}: {episodes} episodes, {} findings{simulated}{drawn}{foreign}", self.findings.len())
+    }
+
+    /// Largest difference of a position; none where nothing was simulated.
+    pub fn qpos_error(&self) -> Option<f64> {
+        (self.simulated > 0).then_some(self.largest_qpos_error)
+    }
+
+    /// Largest mean difference of a picture; none where none was drawn.
+    pub fn picture_error(&self) -> Option<f64> {
+        (self.pictures > 0).then_some(self.largest_picture_error)
     }
 }
 
@@ -69,6 +82,7 @@ pub fn verify(recording: &Recording, simulate: bool) -> Result<Verdict> {
             verdict.foreign += 1;
         }
         if let Some(again) = again {
+            verdict.simulated += 1;
             let path = recording.path().join(&entry.arrow.path);
             let fault = recording
                 .episode(entry.index)

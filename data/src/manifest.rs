@@ -141,7 +141,8 @@ impl Manifest {
             return Err(Error::malformed(path, format!("format {}", self.format), format!("{FORMAT} is known")));
         }
         if let Some(fault) = self.spec.fault() {
-            return Err(Error::malformed(path, fault, "a smaller size"));
+            let expected = "sizes within limits, a timestep above 0, rising action bounds and quantities of numbers that are there";
+            return Err(Error::malformed(path, fault, expected));
         }
         for pair in self.episodes.windows(2) {
             if pair[0].index >= pair[1].index {

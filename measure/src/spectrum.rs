@@ -58,7 +58,10 @@ pub fn effective_rank(grid: &Grid<'_>) -> Result<Interval, Error> {
         parts.iter().map(one).collect()
     };
     let (by_state, by_distractor) = (without(&of_state)?, without(&of_distractor)?);
-    Ok(crossed(whole.spectrum()?.effective_rank, [&by_state, &by_distractor], Range::Positive))
+    let rank = crossed(whole.spectrum()?.effective_rank, [&by_state, &by_distractor], Range::Positive);
+    // No rank is below 1 or above the number of dimensions.
+    let (low, high) = (rank.low.max(rank.estimate.min(1.0)), rank.high.min((table.dims() as f64).max(rank.estimate)));
+    Ok(Interval { low, high, ..rank })
 }
 
 /// Sums over rows, less a point among them so that the squares keep their digits.

@@ -9,7 +9,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use vibes_data::Recording;
-use vibes_measure::invariance::Grid;
+use vibes_measure::invariance::{Dropped, Grid};
 use vibes_measure::numbers::{GridOptions, Numbers, grid_numbers, probe_numbers};
 use vibes_measure::probes::{Fit, ProbeOptions, ProbeScore, Quantity, Sample, probe};
 use vibes_model::trained::TrainedEncoder;
@@ -55,6 +55,21 @@ pub struct Report {
     pub fitted_on: Option<usize>,
     /// Quantities of the grid that were not read because the training recordings do not name them, as those of an older collector.
     pub left_out: Vec<String>,
+    /// The part of the grid that has every cell, which shares and retrieval are of.
+    pub grid: GridSize,
+}
+
+/// The size of a grid without what lacks a cell.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct GridSize {
+    /// State trajectories.
+    pub states: usize,
+    /// Distractor trajectories.
+    pub distractors: usize,
+    /// Steps that all of them have.
+    pub steps: usize,
+    /// Which were left out.
+    pub dropped: Dropped,
 }
 
 /// Evaluates latents on a grid; the recurrent state and rewards open loop belong to a world model alone.
@@ -76,7 +91,7 @@ pub fn evaluate(
     }
     let tables = features(encoder, &judged, device)?;
     let tables_to_fit = features(encoder, &fitted, device)?;
-    let mut numbers = grid_of(&judged, &tables[0], grid, options.seed)?;
+    let (mut numbers, size) = grid_of(&judged, &tables[0], grid, options.seed)?;
     let probes = Probes::of(&judged, &fitted, options.seed);
     let control = probes.read(&judged.past_actions(), (!fitted.is_empty()).then(|| fitted.past_actions()).as_ref())?;
     for (at, table) in tables.iter().enumerate() {
@@ -87,7 +102,7 @@ pub fn evaluate(
         numbers.extend(open_loop(model, &judged, (latents, states), options.seed, device)?);
     }
     let fitted_on = (!fitted.is_empty()).then(|| fitted.episodes());
-    Ok(Report { numbers, quantities: probes.about, fitted_on, left_out: probes.left_out })
+    Ok(Report { numbers, quantities: probes.about, fitted_on, left_out: probes.left_out, grid: size })
 }
 
 fn no_grid(found: &str, recording: &Recording) -> TrainError {
@@ -147,8 +162,8 @@ impl Probes {
     }
 }
 
-/// The numbers of the grid's latents, beside those of past actions.
-fn grid_of(judged: &Rows, latents: &Features, recording: &Recording, seed: u64) -> Result<Numbers> {
+/// The numbers of the grid's latents, beside those of past actions, and how much of it is whole.
+fn grid_of(judged: &Rows, latents: &Features, recording: &Recording, seed: u64) -> Result<(Numbers, GridSize)> {
     let refuse = |error: vibes_measure::Error| match error {
         vibes_measure::Error::NoGrid => no_grid("episodes without cells", recording),
         vibes_measure::Error::TooFewRows { .. } => no_grid("too few of them", recording),
@@ -157,5 +172,12 @@ fn grid_of(judged: &Rows, latents: &Features, recording: &Recording, seed: u64) 
     let actions = judged.past_actions();
     let grid = Grid::of_complete_part(judged.table(latents)?).map_err(refuse)?;
     let control = Grid::of_complete_part(judged.table(&actions)?).map_err(refuse)?;
-    Ok(grid_numbers(&grid, Some(&control), &GridOptions { seed, ..GridOptions::default() })?)
+    let numbers = grid_numbers(&grid, Some(&control), &GridOptions { seed, ..GridOptions::default() })?;
+    let size = GridSize {
+        states: grid.states().len(),
+        distractors: grid.distractors().len(),
+        steps: grid.steps().len(),
+        dropped: grid.dropped().clone(),
+    };
+    Ok((numbers, size))
 }

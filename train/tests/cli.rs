@@ -235,6 +235,11 @@ fn evaluate_on_a_grid_while_training_and_after() {
     assert!(!numbers.contains_key("probe/camera roll/s"), "what never changes cannot be read");
     assert_eq!((&found["report"]["quantities"]["coin[0]"], &found["report"]["fitted_on"]), (&"task".into(), &4.into()));
     assert_eq!(found["report"]["left_out"], serde_json::json!([]));
+    let grid = &found["report"]["grid"];
+    assert_eq!(
+        (&grid["states"], &grid["distractors"], &grid["dropped"]["states"]),
+        (&3.into(), &2.into(), &serde_json::json!([]))
+    );
     let of = |path: &str| found["gaps"].pointer(path).and_then(serde_json::Value::as_f64).unwrap();
     let difference = of("/held_out/dynamics/critic") - of("/held_out/dynamics/refitted");
     assert!((of("/dynamics_gap") - difference).abs() < 1e-9);

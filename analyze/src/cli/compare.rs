@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::invariance::{Named, ends, named, text, write_intervals};
+use super::invariance::{Named, ends, named, past_actions, table, text, write_intervals};
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Bar, BarGroup, Bars, Figure};
@@ -42,8 +42,12 @@ impl Row {
     fn named(&self, agreement: f64) -> Vec<Named> {
         let alone = Interval { estimate: agreement, low: f64::NAN, high: f64::NAN };
         let common = (self.name.clone(), "neighbours in common with the first".to_string(), alone, f64::NAN);
+        let of = |source: &str| match source {
+            "latent" => self.name.clone(),
+            _ => format!("{}: past actions", self.name),
+        };
         let own =
-            named(&self.numbers).into_iter().map(|(_, name, value, chance)| (self.name.clone(), name, value, chance));
+            named(&self.numbers).into_iter().map(|(source, name, value, chance)| (of(&source), name, value, chance));
         own.chain([common]).collect()
     }
 }
@@ -61,9 +65,17 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         sessions.push(Session::open(&input, globals, "compare", json!({ "tables": options.tables }))?);
     }
     same_rows(&sessions)?;
-    let rows = sessions.iter().map(|s| measure(s, &names(&sessions, s))).collect::<anyhow::Result<Vec<_>>>()?;
+    let names: Vec<String> = sessions.iter().map(|session| names(&sessions, session)).collect();
+    let rows = sessions.iter_mut().zip(&names).map(|(session, name)| measure(session, name));
+    let rows = rows.collect::<anyhow::Result<Vec<_>>>()?;
+    let remarks: Vec<String> = sessions[1..].iter_mut().flat_map(|s| std::mem::take(&mut s.outcome.remarks)).collect();
     let agreement: Vec<f64> = rows.iter().map(|r| agreement(&rows[0], r)).collect();
     let mut session = sessions.remove(0);
+    for remark in remarks {
+        if !session.outcome.remarks.contains(&remark) {
+            session.remark(remark);
+        }
+    }
     session.save(&Figure::Bars(draw(&session, &rows, &agreement)), "compare")?;
     let tables: Vec<Value> = rows
         .iter()
@@ -113,11 +125,21 @@ fn names(sessions: &[Session], one: &Session) -> String {
     }
 }
 
-fn measure(session: &Session, name: &str) -> anyhow::Result<Row> {
+fn measure(session: &mut Session, name: &str) -> anyhow::Result<Row> {
+    let options = GridOptions { seed: session.seed, ..GridOptions::default() };
     // Latents that are not of a grid still have neighbours to compare.
-    let numbers = match Grid::of_complete_part(session.table()?) {
-        Ok(grid) => grid_numbers(&grid, None, &GridOptions { seed: session.seed, ..GridOptions::default() })?,
-        Err(_) => Numbers::default(),
+    let is_grid = match Grid::of_complete_part(session.table()?) {
+        Ok(_) => true,
+        Err(vibes_measure::Error::NoGrid) => false,
+        Err(other) => return Err(other.into()),
+    };
+    let numbers = if is_grid {
+        let actions = past_actions(session)?;
+        let control = actions.as_ref().map(|actions| table(session, actions)).transpose()?;
+        let control = control.map(Grid::of_complete_part).transpose()?;
+        grid_numbers(&Grid::of_complete_part(session.table()?)?, control.as_ref(), &options)?
+    } else {
+        Numbers::default()
     };
     let space = Space::new(session.table()?, Metric::Standardized)?;
     let count = session.latents.len();

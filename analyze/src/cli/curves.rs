@@ -53,6 +53,11 @@ enum By {
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
     let runs = options.runs.iter().map(|path| Run::read(path)).collect::<Result<Vec<_>, _>>()?;
+    let clocks: BTreeSet<&str> = runs.iter().map(|run| run.clock.as_str()).collect();
+    if clocks.len() > 1 {
+        let clocks = clocks.into_iter().collect::<Vec<_>>().join(" and by ");
+        return Err(wrong(format!("these runs go by {clocks}, which have no axis in common; draw them apart")));
+    }
     let metrics = metrics(options, &runs)?;
     let groups = groups(options.by, &runs);
     let names: Vec<String> = groups.iter().fold(Vec::new(), |mut seen, g| {

@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::session::{Input, Session};
-use super::{Globals, Outcome};
+use super::{Globals, Outcome, wrong};
 use crate::actions::action_features;
 use crate::figures::{Bar, BarGroup, Bars, Figure};
 use crate::output::Column;
@@ -56,6 +56,9 @@ pub(super) fn write_intervals(session: &mut Session, stem: &str, of: &str, rows:
 }
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
+    if options.queries == 0 || options.k.contains(&0) {
+        return Err(wrong("retrieval asks for at least one row (--queries) and looks at one neighbour at least (-k)"));
+    }
     let mut session = Session::open(
         &options.input,
         globals,
@@ -85,6 +88,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
             session
                 .remark(format!("the grid has holes: {kind} trajectories {dropped:?} lack a cell and were left out"));
         }
+    }
+    for k in options.k.iter().filter(|k| numbers.get(&format!("retrieval_same_step@{k}")).is_none()) {
+        session.remark(format!("retrieval_same_step@{k} is left out: a step of this grid has fewer other cells"));
     }
     let bars = draw(&session, &numbers);
     session.save(&Figure::Bars(bars), "invariance")?;
@@ -120,7 +126,7 @@ pub(super) fn ends(i: &Interval) -> Option<(f64, f64)> {
 }
 
 /// Features of past actions, with their dimensions; none without a recording.
-fn past_actions(session: &mut Session) -> anyhow::Result<Option<(usize, Vec<f32>)>> {
+pub(super) fn past_actions(session: &mut Session) -> anyhow::Result<Option<(usize, Vec<f32>)>> {
     let Some(frames) = session.frames()? else {
         if !session.without_frames() {
             session.remark("these latents name no recording, so there is no action-only control");
@@ -130,7 +136,8 @@ fn past_actions(session: &mut Session) -> anyhow::Result<Option<(usize, Vec<f32>
     Ok(Some(action_features(&session.latents, &frames)))
 }
 
-fn table<'a>(session: &'a Session, (dims, values): &'a (usize, Vec<f32>)) -> anyhow::Result<Table<'a>> {
+/// A table of these features of the session's rows.
+pub(super) fn table<'a>(session: &'a Session, (dims, values): &'a (usize, Vec<f32>)) -> anyhow::Result<Table<'a>> {
     let l = &session.latents;
     Ok(Table::new(*dims, values, &l.episode, &l.step)?.with_grid(&l.state, &l.distractor)?)
 }

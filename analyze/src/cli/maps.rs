@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 use vibes_data::Latents;
 
-use super::session::Session;
+use super::session::{Session, relative_paths};
 use super::{Globals, say, wrong};
 use crate::figures::Coloring;
 use crate::input::UserColumn;
@@ -194,7 +194,7 @@ impl MapOptions {
             )));
         }
         let recipe = json!({
-            "options": self.json(), "seed": session.seed, "latents": checksum(&session.latents), "onto": old.as_ref().map(OldMap::checksum),
+            "options": relative_paths(self.json(), &session.out), "seed": session.seed, "latents": checksum(&session.latents), "onto": old.as_ref().map(OldMap::checksum),
         })
         .to_string();
         let made = match self.known(&path, &recipe, session, globals) {

@@ -56,15 +56,16 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let inputs: Vec<Option<&Path>> =
         if options.runs.is_empty() { vec![None] } else { options.runs.iter().map(|r| Some(r.as_path())).collect() };
     let mut page = Page { note: options.note.clone(), ..Page::default() };
-    let (mut out, mut known, mut task) = (options.output.clone(), Vec::new(), None);
+    let (mut out, mut known, mut task) = (options.output.clone(), Vec::<Known>::new(), None);
     for &input in &inputs {
         let session = Session::open_with(&source(options, input), globals, "report", json!({}), &options.color)?;
         let whole = out.get_or_insert_with(|| session.out.clone()).clone();
-        let folder = if options.runs.len() > 1 { whole.join(name(&session.path)) } else { whole };
+        let title = distinct(&name(&session.path), known.iter().map(|known| known.name.as_str()));
+        let folder = if options.runs.len() > 1 { whole.join(&title) } else { whole };
         task = task.or(session.frames()?.map(|frames| frames.recording().manifest().spec.task.clone()));
         let run =
             Run::read(input.filter(|path| path.is_dir()).unwrap_or(session.path.parent().unwrap_or(Path::new("."))));
-        let (chapter, documents) = chapter(options, globals, session, &folder, &mut page, task.as_deref())?;
+        let (chapter, documents) = chapter(options, globals, session, (title, &folder), &mut page, task.as_deref())?;
         known.push(Known { name: chapter.title.clone(), documents, run: run.ok() });
         page.chapters.push(chapter);
     }
@@ -113,6 +114,14 @@ fn name(latents: &Path) -> String {
     }
 }
 
+/// The name, with a number behind it if it is taken: runs in different places may be called alike.
+fn distinct<'n>(name: &str, taken: impl Iterator<Item = &'n str>) -> String {
+    let taken: Vec<&str> = taken.collect();
+    let numbered = (2..).map(|number| format!("{name}-{number}"));
+    let mut names = std::iter::once(name.to_owned()).chain(numbered);
+    names.find(|name| !taken.contains(&name.as_str())).unwrap_or_default()
+}
+
 /// What a decoder draws: the question, and how its answer is read.
 const SHOWN: (&str, &str) = (
     "What do the latents show of the pictures?",
@@ -124,11 +133,10 @@ fn chapter(
     options: &Options,
     globals: &Globals,
     mut session: Session,
-    folder: &Path,
+    (title, folder): (String, &Path),
     page: &mut Page,
     task: Option<&str>,
 ) -> anyhow::Result<(Chapter, BTreeMap<&'static str, Value>)> {
-    let title = name(&session.path);
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create the folder {}", folder.display()))?;
     session.out = folder.to_path_buf();
     let frames = session.frames()?;

@@ -153,6 +153,7 @@ impl Session {
             format_args!("latents: {}{how}, {} rows of {} dimensions", path.display(), latents.len(), latents.dims),
         );
         let out = table.output.clone().unwrap_or_else(|| path.parent().unwrap_or(Path::new("")).join("figures"));
+        let options = relative_paths(options, &out);
         let about = json!({
             "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": verb, "options": options, "seed": table.seed,
             "latents": relative_place(&path, &out), "rows": latents.len(), "where": table.rows, "dims": latents.dims,
@@ -255,4 +256,24 @@ impl Session {
         self.outcome.line = line.into();
         self.outcome
     }
+}
+
+/// Options that name files or folders.
+const PATHS: [&str; 5] = ["tables", "fit", "fit_join", "rotated", "onto"];
+
+/// Options with what they name seen from the folder `out`, so that outputs can be moved together with it.
+pub(super) fn relative_paths(options: Value, out: &Path) -> Value {
+    fn place(value: Value, out: &Path) -> Value {
+        match value {
+            Value::String(path) => json!(relative_place(Path::new(&path), out)),
+            Value::Array(paths) => paths.into_iter().map(|path| place(path, out)).collect(),
+            other => other,
+        }
+    }
+    let Value::Object(entries) = options else { return options };
+    let entry = |(key, value): (String, Value)| {
+        let is_path = PATHS.contains(&key.as_str());
+        (key, if is_path { place(value, out) } else { relative_paths(value, out) })
+    };
+    entries.into_iter().map(entry).collect()
 }

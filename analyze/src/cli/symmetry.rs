@@ -49,6 +49,9 @@ pub(super) struct Options {
 const SHOWN: usize = 6;
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
+    if options.pairs == 0 {
+        return Err(wrong("--pairs is 0; at least one must be compared"));
+    }
     let mut session = Session::open(
         &options.input,
         globals,

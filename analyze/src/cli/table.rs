@@ -50,7 +50,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let results = Results::open(&options.runs)?;
     let metrics = metrics(options, &results)?;
     let by = if options.by.is_empty() { vec![usual_key(&results)] } else { options.by.clone() };
-    let (scores, across) = scores(options, &results, rows.as_ref(), &metrics, &by)?;
+    let Read { scores, across, rows } = scores(options, &results, rows.as_ref(), &metrics, &by)?;
     let table = score_table(&scores);
     let corner = by.join(", ");
     let averages = across.is_some() && metrics.len() == 1;
@@ -64,7 +64,8 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         _ => "Mean and 95% interval over runs".into(),
     };
     let heading = Heading::new(title).with_note(options.note.clone());
-    files.extend(Figure::Table(figure(heading, &table, &corner, averages)).save(&out, "table")?);
+    let of = if results.are_runs() { "mean of the last tenth; " } else { "" };
+    files.extend(Figure::Table(figure(heading, &table, &corner, averages, of)).save(&out, "table")?);
     let document = output::document(
         &json!({
             "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "table", "by": by, "where": options.rows,
@@ -79,9 +80,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let body: Vec<String> = text.lines().map(|line| format!("  {line}")).collect();
     let marks = if terminal { "bold: best; underlined" } else { "*: best; ~" };
     let line = format!(
-        "table: {} of {} runs by {corner} ({marks}: its 95% interval overlaps with the best's)\n{}",
+        "table: {} of {rows} {} by {corner} ({marks}: its 95% interval overlaps with the best's)\n{}",
         names.join(", "),
-        scores.len() / metrics.len().max(1),
+        if rows == 1 { "run" } else { "runs" },
         body.join("\n")
     );
     Ok(Outcome { line, remarks: Vec::new(), files, json: document })
@@ -116,14 +117,24 @@ fn usual_key(results: &Results) -> String {
     ["objective", "method", "algorithm"].into_iter().find(|key| results.has(key)).unwrap_or("run").into()
 }
 
-/// Every run's numbers with their places, and the key that makes columns.
+/// What was read.
+struct Read {
+    /// Every run's numbers with their places.
+    scores: Vec<RunScore>,
+    /// The key that makes columns.
+    across: Option<String>,
+    /// The runs that were chosen.
+    rows: usize,
+}
+
+/// Reads the runs' numbers.
 fn scores(
     options: &Options,
     results: &Results,
     rows: Option<&Rows>,
     metrics: &[Metric],
     by: &[String],
-) -> anyhow::Result<(Vec<RunScore>, Option<String>)> {
+) -> anyhow::Result<Read> {
     let tasks = || -> anyhow::Result<bool> {
         if !results.has("task") {
             return Ok(false);
@@ -136,11 +147,12 @@ fn scores(
         None if tasks()? && !by.contains(&"task".to_string()) => Some("task".to_string()),
         None => None,
     };
-    let mut asked: Vec<String> = by.to_vec();
-    asked.extend(across.clone());
-    asked.extend(metrics.iter().map(|metric| metric.name.clone()));
-    let mut all = Vec::new();
-    for row in results.read(&asked, rows)? {
+    let mut keys: Vec<String> = by.to_vec();
+    keys.extend(across.clone());
+    let names: Vec<String> = metrics.iter().map(|metric| metric.name.clone()).collect();
+    let found = results.read_with(&keys, &names, rows)?;
+    let (mut all, rows) = (Vec::new(), found.len());
+    for row in found {
         let method = row[..by.len()].iter().map(Cell::text).collect::<Vec<_>>().join(", ");
         let column = across.is_some().then(|| row[by.len()].text());
         let numbers = &row[by.len() + usize::from(column.is_some())..];
@@ -159,7 +171,7 @@ fn scores(
         let names: Vec<&str> = metrics.iter().map(|metric| metric.name.as_str()).collect();
         return Err(wrong(format!("no run has a number for {}", names.join(", "))));
     }
-    Ok((all, across))
+    Ok(Read { scores: all, across, rows })
 }
 
 /// The folder of figures of a run, or of the folder that a table lies in.
@@ -200,7 +212,7 @@ fn write(out: &Path, table: &ScoreTable, corner: &str, averages: bool) -> anyhow
 }
 
 /// The table as a figure.
-fn figure(heading: Heading, table: &ScoreTable, corner: &str, averages: bool) -> Table {
+fn figure(heading: Heading, table: &ScoreTable, corner: &str, averages: bool, of: &str) -> Table {
     let entry = |entry: &Option<crate::scores::Entry>| {
         entry.as_ref().map(|entry| Entry {
             mean: entry.score.estimate,
@@ -220,13 +232,6 @@ fn figure(heading: Heading, table: &ScoreTable, corner: &str, averages: bool) ->
         }
         (table.methods[r].clone(), entries)
     };
-    let foot =
-        "mean of the last tenth; bold: best of its column, underlined: its 95% interval overlaps with the best's";
-    Table {
-        heading,
-        corner: corner.into(),
-        columns,
-        rows: (0..table.methods.len()).map(row).collect(),
-        foot: foot.into(),
-    }
+    let foot = format!("{of}bold: best of its column, underlined: its 95% interval overlaps with the best's");
+    Table { heading, corner: corner.into(), columns, rows: (0..table.methods.len()).map(row).collect(), foot }
 }

@@ -258,7 +258,18 @@ fn join(flat: DataFrame, table: &Path, needed: &[String], remarks: &mut Vec<Stri
 
 fn choose(flat: DataFrame, rows: &Rows, path: &Path) -> Result<DataFrame, InputError> {
     let fault = |fact: String| InputError::Rows { fact, text: rows.text.clone(), path: path.into() };
-    let filter = || flat.lazy().filter(rows.expression.clone()).collect();
+    let index = "number of the row";
+    let filter = || {
+        // Differences of unsigned numbers would wrap round below 0.
+        let unsigned = flat.columns().iter().filter(|column| column.dtype().is_unsigned_integer());
+        let signed = unsigned
+            .map(|column| polars::prelude::col(column.name().clone()).cast(DataType::Int64))
+            .collect::<Vec<_>>();
+        let mut numbered = flat.clone();
+        numbered.with_column(Column::new(index.into(), (0..flat.height() as u32).collect::<Vec<u32>>()))?;
+        let kept = numbered.lazy().with_columns(signed).filter(rows.expression.clone()).collect()?;
+        flat.take(&kept.column(index)?.cast(&DataType::UInt32)?.u32()?.clone())
+    };
     let kept = super::tables::quietly(filter).map_err(fault)?.map_err(|error| fault(first_line(&error)))?;
     if kept.height() == 0 { Err(fault("no row is chosen".into())) } else { Ok(kept) }
 }

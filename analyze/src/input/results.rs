@@ -92,6 +92,12 @@ impl Results {
         self.sources.iter().flat_map(of).collect()
     }
 
+    /// Whether all of them are run folders.
+    #[must_use]
+    pub fn are_runs(&self) -> bool {
+        self.sources.iter().all(|source| matches!(source, Source::Run { .. }))
+    }
+
     /// Whether a source has something of this name.
     #[must_use]
     pub fn has(&self, name: &str) -> bool {
@@ -106,7 +112,22 @@ impl Results {
     /// # Errors
     /// [`InputError`]: nobody has what is asked for, or the expression fits no row.
     pub fn read(&self, asked: &[String], rows: Option<&Rows>) -> Result<Vec<Vec<Cell>>, InputError> {
-        let mut names = asked.to_vec();
+        self.read_with(asked, &[], rows)
+    }
+
+    /// The same of keys and, behind them, of metrics: `objective` is both.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn read_with(
+        &self,
+        keys: &[String],
+        metrics: &[String],
+        rows: Option<&Rows>,
+    ) -> Result<Vec<Vec<Cell>>, InputError> {
+        let asked = [keys, metrics].concat();
+        let is_metric = |at: usize| (keys.len()..asked.len()).contains(&at);
+        let mut names = asked.clone();
         names.extend(rows.iter().flat_map(|rows| &rows.columns).filter(|name| !asked.contains(name)).cloned());
         if let Some(missing) = names.iter().find(|name| !self.has(name)) {
             let found = choices(missing, self.names().iter().map(String::as_str));
@@ -115,7 +136,13 @@ impl Results {
         let mut all: Vec<Vec<Cell>> = Vec::new();
         for source in &self.sources {
             match source {
-                Source::Run { run, info } => all.push(names.iter().map(|name| of_run(run, info, name)).collect()),
+                Source::Run { run, info } => {
+                    let cell = |(at, name): (usize, &String)| match run.final_value(name).filter(|_| is_metric(at)) {
+                        Some(last) => Cell::Number(last),
+                        None => of_run(run, info, name),
+                    };
+                    all.push(names.iter().enumerate().map(cell).collect());
+                }
                 Source::Table { file, path } => all.extend(of_table(file, path, &names)?),
             }
         }

@@ -83,7 +83,7 @@ impl Run {
             let x = at(&passed, row.get("update").and_then(Value::as_f64));
             self.add(HELD_OUT, &Value::Object(row.clone()), x);
         }
-        for document in evaluations(&self.path) {
+        for document in evaluations(&self.path)? {
             let x = at(&passed, update_of(&document));
             self.add("held_out.gaps", &document["gaps"], x);
             // The report of a checkpoint may be of another grid than the one over training.
@@ -169,7 +169,10 @@ fn at(passed: &[(f64, f64)], update: Option<f64>) -> f64 {
 }
 
 /// The documents of `vibes-train evaluate` in a run folder.
-fn evaluations(run: &Path) -> Vec<Value> {
+///
+/// # Errors
+/// [`InputError::Document`]: one is damaged.
+fn evaluations(run: &Path) -> Result<Vec<Value>, InputError> {
     let entries = std::fs::read_dir(run).into_iter().flatten().flatten().map(|entry| entry.path());
     let named = |path: &PathBuf| {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
@@ -177,7 +180,12 @@ fn evaluations(run: &Path) -> Vec<Value> {
     };
     let mut paths: Vec<PathBuf> = entries.filter(named).collect();
     paths.sort();
-    paths.iter().filter_map(|path| serde_json::from_slice(&std::fs::read(path).ok()?).ok()).collect()
+    let read = |path: &PathBuf| {
+        let bytes = std::fs::read(path).map_err(|error| error.to_string());
+        let document = bytes.and_then(|bytes| serde_json::from_slice(&bytes).map_err(|error| error.to_string()));
+        document.map_err(|fact| InputError::Document { fact, path: path.clone() })
+    };
+    paths.iter().map(read).collect()
 }
 
 /// The update of the checkpoint that a document is about, from its path `…/checkpoints/000500/model.safetensors`.

@@ -77,6 +77,19 @@ pub fn import(
 }
 
 impl ImportOptions {
+    /// That nothing was asked for that a dataset made from a recording says itself.
+    fn check_settled(&self, dataset: &Path) -> Result<()> {
+        let asked = [
+            ("--task", self.task.is_some()),
+            ("--control-timestep", self.control_timestep.is_some()),
+            ("--action-repeat", self.action_repeat.is_some()),
+        ];
+        asked.into_iter().find(|(_, is_asked)| *is_asked).map_or(Ok(()), |(option, _)| {
+            let fact = format!("{option} has no effect: {} was made from a recording and says it", dataset.display());
+            Err(Error::Selection { fact, expected: "leave it out".to_owned() })
+        })
+    }
+
     /// A spec of a dataset that says nothing of physics: no state, no distractors.
     fn spec(&self, name: &str, action: ActionSpec) -> Spec {
         Spec {

@@ -96,7 +96,7 @@ fn check_specs(parts: &[Recording]) -> Result<()> {
 fn differing_key(one: &vibes_data::Spec, other: &vibes_data::Spec) -> Option<String> {
     let map = |spec| serde_json::to_value(spec).ok().and_then(|value| value.as_object().cloned()).unwrap_or_default();
     let (one, other) = (map(one), map(other));
-    one.iter().find(|(key, value)| other.get(*key) != Some(value)).map(|(key, _)| key.clone())
+    one.keys().chain(other.keys()).find(|key| one.get(*key) != other.get(*key)).cloned()
 }
 
 /// The header of the recording that all are parts of, if they are, and no episode is in two parts with different contents.

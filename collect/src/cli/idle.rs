@@ -32,6 +32,23 @@ pub(super) fn check(given: &Given, axes: Axes) -> Result<()> {
     })
 }
 
+/// # Errors
+/// One of the given options is about videos that nobody sees: nothing is drawn, and whoever acts sees no pictures.
+pub(super) fn check_unseen(given: &Given) -> Result<()> {
+    given
+        .first_of(OF_BACKGROUND)
+        .map_or(Ok(()), |found| Err(option(&found, "no pictures are drawn", "leave it out, or leave out --no-pixels")))
+}
+
+/// # Errors
+/// A seed of distractors was given where there are none.
+pub(super) fn check_seed(given: &Given, axes: Axes) -> Result<()> {
+    let found = given.first_of(["seed"]).filter(|_| axes == Axes::NONE);
+    found.map_or(Ok(()), |found| {
+        Err(option(&found, "there are no distractors", "leave it out, or ask for some with --distract all"))
+    })
+}
+
 /// The error for an option that was given and has no effect.
 pub(super) fn option(option: &str, why: &str, expected: &str) -> Error {
     Error::Selection { fact: format!("{option} has no effect: {why}"), expected: expected.to_owned() }

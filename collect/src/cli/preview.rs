@@ -50,6 +50,7 @@ pub(super) fn run(args: &PreviewArgs, output: OutputArgs) -> Result<Outcome> {
     let pictures = RenderSettings { size: usize::from(args.size), look: args.render };
     let source = args.videos.clone().map_or(VideoSource::Procedural, VideoSource::Folder);
     std::fs::create_dir_all(&args.output).with_context(|| format!("cannot make {}", args.output.display()))?;
+    let mut sheets = Vec::new();
     for difficulty in difficulties {
         let names = source.list(args.video_set, difficulty.videos())?;
         let videos = VideoLibrary::open(&source, args.video_set, &names, args.render.sky_side(pictures.size))?;
@@ -58,10 +59,14 @@ pub(super) fn run(args: &PreviewArgs, output: OutputArgs) -> Result<Outcome> {
             let path = args.output.join(format!("preview-{task}-{difficulty}.png"));
             ContactSheet::draw(task, &PreviewOptions { distractors, pictures, seed: args.seed }, &videos)?
                 .write(&path)?;
-            if !output.quiet {
+            if !output.quiet && !output.json {
                 println!("{}", path.display());
             }
+            sheets.push(path);
         }
+    }
+    if output.json {
+        println!("{}", serde_json::json!({ "sheets": sheets }));
     }
     Ok(Outcome::Done)
 }

@@ -171,6 +171,9 @@ impl RecordArgs {
 pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
     idle::check(&args.given, args.distract)?;
     let options = args.resolve()?;
+    if options.pictures().is_none() && options.acting.iter().all(|acting| acting.pictures.is_none()) {
+        idle::check_unseen(&args.given)?;
+    }
     let folder = args.folder(&options);
     let stop = stop_on_signals()?;
     let threads = args.threads.map_or_else(cores, usize::from);

@@ -12,6 +12,7 @@ use super::record::told;
 use super::{Outcome, OutputArgs, idle};
 use crate::recorder::cores;
 use crate::redraw::{NewDistractors, Redraw};
+use crate::stored::options_of;
 use vibes_env::distractors::{Axes, Difficulty};
 use vibes_env::render::Look;
 use vibes_env::videos::{VideoSet, VideoSource};
@@ -101,6 +102,11 @@ impl RenderArgs {
 pub(super) fn run(args: &RenderArgs, output: OutputArgs) -> Result<Outcome> {
     idle::check(&args.given, args.distract.unwrap_or(Axes::ALL))?;
     let recording = Recording::open(&args.recording)?;
+    // What the recording is drawn under stays unless other axes are asked for.
+    let own = || Some(options_of(&recording).ok()?.distractors.axes);
+    let axes = args.distract.or_else(own).unwrap_or(Axes::ALL);
+    idle::check(&args.given, axes)?;
+    idle::check_seed(&args.given, axes)?;
     let run = (args.threads.map_or_else(cores, usize::from), vibes_command::stop_on_signals()?);
     let wanted = recording.episodes().len() as u64;
     let redraw = args.redraw();

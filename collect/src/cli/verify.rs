@@ -29,7 +29,8 @@ pub(super) fn run(args: &VerifyArgs, output: OutputArgs) -> Result<Outcome> {
         println!(
             "{}",
             serde_json::json!({ "episodes": recording.episodes().len(), "findings": findings,
-                "largest_qpos_error": verdict.largest_qpos_error, "largest_picture_error": verdict.largest_picture_error })
+                "simulated": verdict.simulated, "largest_qpos_error": verdict.qpos_error(),
+                "pictures": verdict.pictures, "largest_picture_error": verdict.picture_error() })
         );
     } else {
         for finding in &verdict.findings {

@@ -6,7 +6,7 @@ use super::deal::{Deal, groups};
 use super::quantity::{Predictions, Targets};
 use super::score::Judge;
 use super::{HoldOut, Probe, ProbeOptions, ProbeScore, Sample, Values, knn, logistic, ridge};
-use crate::Error;
+use crate::{Error, Table};
 
 /// Linear and kNN scores of each quantity (all numbers or all classes), every row judged by a probe fitted on the folds it is not in.
 pub(super) fn within(
@@ -23,8 +23,16 @@ pub(super) fn within(
     }
     let deal = Deal::new(&groups, count, options.folds, rng);
     let targets = Targets::new(table, judged.quantities)?;
-    let shuffled = targets.shuffled(&groups, count, rng);
+    let means = targets.means();
+    let targets = targets.less(&means);
     let classes = matches!(judged.quantities[0].values, Values::Classes(_));
+    // The cells of two states lie in the same order: given another state's, every cell would keep the class of its own distractor.
+    let shuffled = if classes {
+        let (cells, count) = cells(table);
+        targets.shuffled(&cells, count, rng)
+    } else {
+        targets.shuffled(&groups, count, rng)
+    };
     let linear = |targets: &Targets, rng: &mut _| {
         if classes {
             logistic::predict(table, targets, &deal.fold, options.logistic_rows, rng)
@@ -52,9 +60,14 @@ pub(super) fn fitted_elsewhere(
     let groups = fitted.table.state_trajectories();
     let count = groups.iter().max().map_or(0, |&last| last as usize + 1);
     let deal = Deal::new(&groups, count, options.folds, rng);
-    let (targets, theirs) =
-        (Targets::new(&judged.table, judged.quantities)?, Targets::new(&fitted.table, fitted.quantities)?);
-    let shuffled = theirs.shuffled(&groups, count, rng);
+    let theirs = Targets::new(&fitted.table, fitted.quantities)?;
+    let means = theirs.means();
+    let (targets, theirs) = (Targets::new(&judged.table, judged.quantities)?.less(&means), theirs.less(&means));
+    let by_state = theirs.shuffled(&groups, count, rng);
+    let (of_fitted, fitted_cells) = cells(&fitted.table);
+    let by_cell = theirs.shuffled(&of_fitted, fitted_cells, rng);
+    // What is the distractor's differs between the cells of a state, and is the same in those of one distractor.
+    let shuffled = by_state.with_from(&by_cell, |at| fitted.quantities[at].hold_out != HoldOut::State || count < 2);
     let linear = |theirs: &Targets| {
         let values = ridge::predict_elsewhere(&fitted.table, theirs, &deal, &judged.table)?;
         Ok::<_, Error>(Predictions { rows: (0..judged.table.rows()).collect(), values })
@@ -67,6 +80,12 @@ pub(super) fn fitted_elsewhere(
     let judge = Judge::new(&targets, &judged.table);
     let cells = judged.table.trajectories().units();
     Ok(scores(judged, &targets, &found, &[judge.clone(), judge], cells, rng))
+}
+
+/// The cell or episode of each row, and how many there are.
+fn cells(table: &Table<'_>) -> (Vec<u32>, usize) {
+    let trajectories = table.trajectories();
+    ((0..table.rows()).map(|row| trajectories.unit(row) as u32).collect(), trajectories.units())
 }
 
 fn scores(

@@ -108,6 +108,38 @@ impl Targets {
         &self.values[row * self.columns..(row + 1) * self.columns]
     }
 
+    /// The mean of every column of numbers, and 0 of those of classes.
+    pub(super) fn means(&self) -> Vec<f64> {
+        let mut means = vec![0.0; self.columns];
+        let rows = (self.values.len() / self.columns.max(1)).max(1) as f64;
+        for span in self.spans.iter().filter(|span| !span.classes) {
+            let column = self.values.iter().skip(span.first).step_by(self.columns);
+            means[span.first] = column.sum::<f64>() / rows;
+        }
+        means
+    }
+
+    /// The same less these means, so that sums of squares keep their digits however far from 0 a quantity lies.
+    pub(super) fn less(mut self, means: &[f64]) -> Self {
+        for row in self.values.chunks_exact_mut(self.columns.max(1)) {
+            row.iter_mut().zip(means).for_each(|(value, mean)| *value -= mean);
+        }
+        self
+    }
+
+    /// The same with some quantities taken from other targets of the same shape.
+    pub(super) fn with_from(mut self, other: &Self, is_taken: impl Fn(usize) -> bool) -> Self {
+        for (_, span) in self.spans.iter().enumerate().filter(|(at, _)| is_taken(*at)) {
+            for (row, theirs) in
+                self.values.chunks_exact_mut(self.columns).zip(other.values.chunks_exact(other.columns))
+            {
+                row[span.first..span.first + span.columns]
+                    .copy_from_slice(&theirs[span.first..span.first + span.columns]);
+            }
+        }
+        self
+    }
+
     /// Every group of rows given another's targets, in order: the quantities stay as smooth in time as they were.
     pub(super) fn shuffled(&self, groups: &[u32], count: usize, rng: &mut impl Rng) -> Self {
         let mut members = vec![Vec::new(); count];

@@ -191,3 +191,55 @@ fn ridge_of_a_noiseless_line_is_exact() {
     let scores = within(&table, &[line], 0).unwrap();
     assert!(find(&scores, "line", Probe::Linear).score.estimate > 1.0 - 1e-9);
 }
+
+#[test]
+fn how_far_from_0_a_quantity_lies_does_not_matter() {
+    let (values, episode, step) = latents();
+    let table = Table::new(6, &values, &episode, &step).unwrap();
+    let of = |far: f64| {
+        let read = (0..2000).map(|row| f64::from(values[row * 6]) + far);
+        let unread = (0..2000).map(|row| f64::from(values[(row * 7 + 3) % 2000 * 6]) * 7.0 + far);
+        [numbers("read", read), numbers("unread", unread)]
+    };
+    let (near, far) = (of(0.0), of(1.7e9));
+    let (scores, moved) = (within(&table, &near, 3).unwrap(), within(&table, &far, 3).unwrap());
+    let elsewhere = |quantities: &[Quantity]| {
+        let sample = Sample { table, quantities };
+        probe(sample, Fit::On(sample), ProbeOptions::default(), &mut generator(3)).unwrap()
+    };
+    for (a, b) in scores.iter().zip(&moved).chain(elsewhere(&near).iter().zip(&elsewhere(&far))) {
+        assert!((a.score.estimate - b.score.estimate).abs() < 1e-4, "{a:?} {b:?}");
+        assert!((a.shuffled.estimate - b.shuffled.estimate).abs() < 1e-4, "{a:?} {b:?}");
+    }
+    assert!(find(&moved, "unread", Probe::Linear).score.estimate < 0.05);
+}
+
+#[test]
+fn shuffled_quantities_of_a_distractor_are_not_its_own() {
+    let (states, distractors, steps) = (6, 5, 12);
+    let rows = states * distractors * steps;
+    let cell = |row: usize| (row / (distractors * steps), row / steps % distractors);
+    let mut rng = generator(4);
+    let values: Vec<f32> = (0..rows)
+        .flat_map(|row| (0..distractors).map(move |dim| f32::from(u8::from(dim == cell(row).1))))
+        .map(|x| x + rng.random_range(-0.1..0.1))
+        .collect();
+    let keys = |of: &dyn Fn(usize) -> usize| (0..rows).map(|row| of(row) as u32).collect::<Vec<u32>>();
+    let (episode, step) = (keys(&|row| row / steps), keys(&|row| row % steps));
+    let some = |keys: Vec<u32>| keys.into_iter().map(Some).collect::<Vec<_>>();
+    let (state, distractor) = (some(keys(&|row| cell(row).0)), some(keys(&|row| cell(row).1)));
+    let table = Table::new(distractors, &values, &episode, &step).unwrap().with_grid(&state, &distractor).unwrap();
+    let video = keys(&|row| cell(row).1);
+    let shown = Quantity { name: "video".to_owned(), hold_out: HoldOut::State, values: Values::Classes(video.clone()) };
+    let frame = Quantity {
+        name: "frame".to_owned(),
+        hold_out: HoldOut::Distractor,
+        values: Values::Numbers(video.iter().map(|&video| f64::from(video)).collect()),
+    };
+    let scores = within(&table, &[shown], 5).unwrap();
+    let sample = Sample { table, quantities: std::slice::from_ref(&frame) };
+    let elsewhere = probe(sample, Fit::On(sample), ProbeOptions::default(), &mut generator(5)).unwrap();
+    for score in scores.iter().chain(&elsewhere) {
+        assert!(score.score.estimate > 0.95 && score.shuffled.estimate < 0.6, "{score:?}");
+    }
+}

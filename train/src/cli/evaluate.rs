@@ -10,7 +10,7 @@ use vibes_measure::intervals::Interval;
 use vibes_measure::numbers::Number;
 use vibes_model::trained::Trained;
 use vibes_train::TrainError;
-use vibes_train::evaluate::{EvaluateOptions, GapOptions, Gaps, Likelihoods, Report, evaluate, gaps};
+use vibes_train::evaluate::{EvaluateOptions, GapOptions, Gaps, GridSize, Likelihoods, Report, evaluate, gaps};
 use vibes_train::trained::TrainedRun;
 
 use super::Context;
@@ -96,6 +96,13 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
 }
 
 fn print_report(report: &Report) {
+    let GridSize { states, distractors, steps, dropped } = &report.grid;
+    if dropped.states.len() + dropped.distractors.len() > 0 {
+        println!(
+            "the grid has holes: shares and retrieval are of {states} × {distractors} whole trajectories of {steps} steps, without states {:?} and distractors {:?}",
+            dropped.states, dropped.distractors
+        );
+    }
     println!("{:<52} {:>24} {:>13} {:>7}", "number", "latents [95% interval]", "past actions", "chance");
     let is_probe = |number: &&Number| number.name.starts_with("probe");
     report.numbers.iter().filter(|number| !is_probe(number)).for_each(|number| print_number(&number.name, number));

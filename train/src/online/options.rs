@@ -241,12 +241,14 @@ mod tests {
     use super::super::prepare::{default_options, default_world};
     use super::*;
 
+    type Change = fn(&mut OnlineOptions);
+
     #[test]
     fn a_longer_run_hides_no_other_change() {
         let found = default_options(default_world("cartpole-swingup").unwrap(), false);
         let longer = OnlineOptions { control_steps: 600_000, evaluate_every: 5000, ..found.clone() };
         assert_eq!(found.first_difference(&longer), None);
-        let changes: [(&str, fn(&mut OnlineOptions)); 6] = [
+        let changes: [(&str, Change); 6] = [
             ("exploration", |options| options.exploration = 0.0),
             ("first_updates", |options| options.first_updates = 7),
             ("prefill", |options| options.prefill = 9),
@@ -282,7 +284,7 @@ mod tests {
         let options = settled("cartpole-swingup");
         assert_eq!((options.world.action_repeat, options.control_steps, options.final_episodes), (8, 500_000, 100));
         assert!(options.check().is_ok());
-        let changes: [fn(&mut OnlineOptions); 7] = [
+        let changes: [Change; 7] = [
             |options| options.world.steps = 10,
             |options| options.evaluate_mode = false,
             |options| options.world.action_repeat = 4,

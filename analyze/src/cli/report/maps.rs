@@ -31,9 +31,14 @@ pub(super) fn live_map(
 ) -> anyhow::Result<LiveMap> {
     let l = &session.latents;
     let alive = alive(options, session);
-    let k = K.min(l.len().saturating_sub(1));
-    let near = nearest(&Space::new(session.table()?, Metric::Standardized)?, &alive, k, Exclude::Trajectory)?;
-    let rows = near.all_rows().to_vec();
+    // Rows of a row's own episode are not its neighbours; a table of one episode has none.
+    let k = K.min(rows_elsewhere(&l.episode));
+    let (rows, distance) = if k == 0 {
+        (Vec::new(), Vec::new())
+    } else {
+        let near = nearest(&Space::new(session.table()?, Metric::Standardized)?, &alive, k, Exclude::Trajectory)?;
+        (near.all_rows().to_vec(), near.all_distances().iter().map(|&distance| distance as f32).collect())
+    };
     let mut framed: Vec<u32> = alive.iter().map(|&row| row as u32).chain(rows.iter().copied()).collect();
     framed.sort_unstable();
     framed.dedup();
@@ -46,12 +51,19 @@ pub(super) fn live_map(
         positions: made.positions.clone(),
         columns: columns(session, frames),
         alive: alive.iter().map(|&row| row as u32).collect(),
-        k: near.k(),
+        k,
         near: rows,
-        distance: near.all_distances().iter().map(|&d| d as f32).collect(),
+        distance,
         framed,
         frames: pictures,
     })
+}
+
+/// Rows that every row has outside its own episode, at least.
+fn rows_elsewhere(episodes: &[u32]) -> usize {
+    let mut counts = BTreeMap::new();
+    episodes.iter().for_each(|&episode| *counts.entry(episode).or_insert(0) += 1);
+    episodes.len() - counts.values().copied().max().unwrap_or(0)
 }
 
 /// The rows that can be chosen: some of everywhere, and a few episodes nearly whole, so that they can be seen as films; in order of time.

@@ -161,6 +161,9 @@ impl Dataset {
 
     fn begin(&self, options: &ImportOptions, out: &Path) -> Result<(RecordingWriter, Spec)> {
         let name = self.name();
+        if self.metadata.vibes.is_some() {
+            options.check_settled(&self.folder)?;
+        }
         if let Some(Header { spec, options: asked, seed, versions, grid, videos }) = &self.metadata.vibes {
             let spec = self.checked(spec.clone())?;
             let manifest = Manifest {
@@ -197,7 +200,10 @@ impl Dataset {
     fn checked(&self, spec: Spec) -> Result<Spec> {
         match spec.fault() {
             None => Ok(spec),
-            Some(fault) => Err(Error::malformed(self.folder.join("metadata.json"), fault, "a smaller size")),
+            Some(fault) => {
+                let expected = "spaces, a timestep and bounds that a recording can have";
+                Err(Error::malformed(self.folder.join("metadata.json"), fault, expected))
+            }
         }
     }
 
@@ -221,7 +227,10 @@ impl Dataset {
         let source = self.store.episode(place)?;
         let metadata = source.metadata()?;
         let header = metadata.get("vibes").filter(|_| self.metadata.vibes.is_some());
-        let own: Option<EpisodeHeader> = header.and_then(|header| serde_json::from_value(header.clone()).ok());
+        let own: Option<EpisodeHeader> =
+            header.map(|header| serde_json::from_value(header.clone())).transpose().map_err(|error| {
+                Error::malformed(&path, format!("vibes: {error}"), "a header as `vibes-collect export` writes it")
+            })?;
         let mut episode = self.columns(&source, &path)?;
         episode.index = place;
         match &self.metadata.vibes {
