@@ -335,6 +335,20 @@ fn a_table_over_runs_and_results_is_written_in_every_form() {
     }
     let (said, _) = good(fixture.path(), &["table", "runs/a", "runs/b", "runs/c", "--metrics", "gap,effective_rank"]);
     assert!(said.starts_with("table: gap, effective_rank of 3 runs by objective") && said.contains("vibes"), "{said}");
+    let (said, _) = good(fixture.path(), &["table", "runs/a", "--metrics", "gap", "-o", "one"]);
+    assert!(said.starts_with("table: gap of 1 run by objective"), "{said}");
+    // `objective` is a metric as well as a key.
+    let metrics = fixture.path().join("runs/c/metrics.jsonl");
+    std::fs::write(&metrics, "{\"update\":10,\"objective\":2.5}\n").expect("metrics");
+    let (said, _) = good(fixture.path(), &["table", "runs/c", "--metrics", "objective", "--by", "run", "-o", "one"]);
+    assert!(said.contains("2.50") && !said.contains("vibes"), "{said}");
+    std::fs::write(&metrics, "{\"control_steps\":10,\"objective\":2.5}\n").expect("metrics");
+    assert!(bad(fixture.path(), &["curves", "runs/a", "runs/c"], 2).contains("by control_steps and by update"));
+    fixture::write_run(&fixture.path().join("runs/c"), 0.2);
+    let damaged = fixture.path().join("runs/c/evaluation.json");
+    std::fs::write(&damaged, "{\"report\":").expect("evaluation");
+    assert!(bad(fixture.path(), &["table", "runs/c"], 1).contains("as `vibes-train evaluate` writes it"));
+    std::fs::remove_file(damaged).expect("evaluation");
     let out = fixture.path().join("runs/a/figures");
     for file in ["table.md", "table.tex", "table.csv", "table.parquet", "table.png", "table.json"] {
         assert!(out.join(file).is_file() && said.contains(file), "{file}");
@@ -382,6 +396,9 @@ fn rows_are_chosen_and_a_users_own_column_colours_the_map() {
     ];
     let (said, told) = good(fixture.path(), &words);
     assert!(said.contains("map-by-parity.png") && told.contains("55 of 117 rows are looked at"), "{said} {told}");
+    // Steps are unsigned numbers, whose differences are not.
+    let (_, told) = good(fixture.path(), &["nn", "--where", "step - 11 >= 0"]);
+    assert!(told.contains("18 of 117 rows are looked at"), "{told}");
     assert!(
         bad(fixture.path(), &["umap", "--color", "weather"], 2).contains("no table has a column weather, choose among")
     );
@@ -565,6 +582,8 @@ fn wrong_arguments_say_what_would_be_right() {
     assert!(bad(here, &["curves", "runs/discs", "--metrics", "sharpness"], 2).contains("choose among"));
     assert!(bad(here, &["umap", "--neighbours", "1"], 2).contains("at least 2"));
     assert!(bad(here, &["symmetry"], 2).contains("to_target"));
+    assert!(bad(here, &["symmetry", "--pairs", "0"], 2).contains("--pairs is 0"));
+    assert!(bad(here, &["invariance", "--queries", "0"], 2).contains("--queries"));
     assert!(bad(here, &["embed"], 2).contains("unrecognized subcommand"));
     assert!(bad(here, &["nn", "--config", "none.toml"], 2).contains("none.toml"));
 }
@@ -691,7 +710,10 @@ fn runs_without_metrics_and_tables_of_other_rows_are_refused() {
     let mut l = Latents::read(&fixture.latents()).expect("latents");
     l.write(&fixture.path().join("runs/b/latents.arrow")).expect("latents");
     fixture::write_run(&fixture.path().join("runs/b"), 0.3);
-    good(fixture.path(), &["compare", "runs/discs", "runs/b"]);
+    let whole = |run: &str| fixture.path().join(run);
+    good(fixture.path(), &["compare", text(&whole("runs/discs")), text(&whole("runs/b"))]);
+    let written = std::fs::read_to_string(whole("runs/discs/figures/compare.json")).expect("JSON");
+    assert!(!written.contains(text(fixture.path())) && written.contains("past_actions\": {"), "{written}");
     let (said, _) = good(fixture.path(), &["curves", "runs/discs", "runs/b"]);
     assert!(said.starts_with("curves: 3 metrics of 2 runs"), "{said}");
     l.step[0] = 999;
@@ -783,6 +805,21 @@ fn a_report_is_one_whole_page_that_opens_with_the_verdict() {
 }
 
 /// A tenth of the rows that a report is to carry within its 15 MB, beside a report of few: what grows with the rows is their share of the map alone.
+#[test]
+fn a_table_of_one_episode_has_a_page_without_neighbours_and_runs_called_alike_have_pages_of_their_own() {
+    let folder = folder();
+    let rows: String = (0..40).map(|step| format!("0,{step},{},{}\n", step % 7, step * step % 11)).collect();
+    for run in ["a/run", "b/run"] {
+        std::fs::create_dir_all(folder.path().join(run)).expect("folder");
+        std::fs::write(folder.path().join(run).join("latents.csv"), format!("episode,step,latent_0,latent_1\n{rows}"))
+            .expect("CSV");
+    }
+    let (said, _) = good(folder.path(), &["report", "a/run/latents.csv", "-o", "one"]);
+    assert!(said.contains("report:") && folder.path().join("one/report.html").is_file(), "{said}");
+    good(folder.path(), &["report", "a/run/latents.csv", "b/run/latents.csv", "-o", "two"]);
+    assert!(["run", "run-2"].iter().all(|name| folder.path().join("two").join(name).is_dir()));
+}
+
 #[test]
 fn a_page_grows_little_with_the_rows() {
     let (mut rows, mut bytes) = (Vec::new(), Vec::new());

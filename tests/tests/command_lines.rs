@@ -197,6 +197,7 @@ fn an_option_that_has_no_effect_is_an_error() {
         ("vibes-collect --episodes 1 --no-pixels --size 32 -o made", "--size"),
         ("vibes-collect --episodes 1 --no-pixels --render suite -o made", "--render"),
         ("vibes-collect --task cartpole-swingup --raw-torques -o made", "--raw-torques"),
+        ("vibes-collect --episodes 1 --no-pixels --video-count 3 -o made", "--video-count"),
         ("vibes-collect render nowhere --distract color --videos procedural -o made", "--videos"),
         ("vibes-collect replay trace.json --episode 1", "--episode"),
         ("vibes-collect replay trace.json --videos made", "--videos"),
