@@ -16,6 +16,7 @@ use vibes_train::online::options::{OnlineOptions, WorldOptions};
 use vibes_train::online::prepare::{self, Prepared};
 use vibes_train::online::protocol::Protocol;
 use vibes_train::online::{Setup, online};
+use vibes_train::options::Options;
 use vibes_train::run::Run;
 
 use super::Context;
@@ -215,16 +216,10 @@ impl OnlineArgs {
 
     /// That nothing was given that does not concern how this run begins.
     fn check_beginning(&self, beginning: Beginning<'_>) -> Result<()> {
-        let (options, why): (&[&str], _) = match beginning {
-            Beginning::Nothing => (&["given_share"], "without recordings (name a RUN that has some)"),
-            Beginning::Offline => (
-                &["preset", "calibrate", "reward_scale", "reward_floor"],
-                "where an offline run is gone on from: it has that settled",
-            ),
-            Beginning::Again(_) => (&["preset"], "on a run that is there"),
-        };
-        self.refuse(options.iter().copied(), why)?;
-        self.refuse(["updates", "log_every"], "online, where control steps count and a line is a round")?;
+        match beginning {
+            Beginning::Nothing => self.refuse(["given_share"], "without recordings (name a RUN that has some)")?,
+            Beginning::Offline | Beginning::Again(_) => self.refuse(["preset"], "where a run is gone on from")?,
+        }
         match (&self.output, beginning) {
             (Some(output), Beginning::Again(run)) if !is_same(output, run) => {
                 self.refuse(["output"], "on an online run that is there: it goes on in its own folder")
@@ -311,6 +306,7 @@ impl OnlineArgs {
         if let Some(task) = &self.from.task {
             self.check_beginning(Beginning::Nothing)?;
             let model = self.options.resolve()?;
+            check_same(&model, &Options::preset(self.options.preset())?, false)?;
             let mut options = prepare::default_options(prepare::default_world(task)?, false);
             self.lay_over(&mut options)?;
             self.check_given(false, &options)?;
@@ -321,6 +317,7 @@ impl OnlineArgs {
         let path = self.from.run.as_deref().unwrap_or_else(|| Path::new("."));
         let found = Run::open(path)?;
         let model = self.options.over(&found.info().options)?;
+        check_same(&model, &found.info().options, true)?;
         if let Some(mut options) = OnlineOptions::read(path)? {
             self.check_beginning(Beginning::Again(path))?;
             self.lay_over(&mut options)?;
@@ -333,6 +330,25 @@ impl OnlineArgs {
         self.check_given(false, &options)?;
         let output = self.output.clone().unwrap_or_else(|| beside(path));
         Ok(prepare::from_run(&output, &found, &model, options)?)
+    }
+}
+
+/// That the options differ from those that they were laid over in nothing that is not looked at. What merely says the same again, as a run's config.toml does, may stand.
+fn check_same(asked: &Options, base: &Options, is_gone_on_from: bool) -> Result<()> {
+    let online = "online, where control steps count and a line is a round";
+    let settled = "where a run is gone on from: it has that settled";
+    let changed = [
+        ("updates", asked.updates != base.updates, online),
+        ("log-every", asked.log_every != base.log_every, online),
+        ("calibrate", is_gone_on_from && asked.calibrate != base.calibrate, settled),
+        ("reward-scale", is_gone_on_from && asked.reward_scale != base.reward_scale, settled),
+        ("reward-floor", is_gone_on_from && asked.reward_floor != base.reward_floor, settled),
+    ];
+    match changed.into_iter().find(|(_, is_changed, _)| *is_changed) {
+        Some((option, _, why)) => {
+            anyhow::bail!(TrainError::Options(format!("--{option} has no effect {why}; leave it out")))
+        }
+        None => Ok(()),
     }
 }
 
