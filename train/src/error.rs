@@ -100,7 +100,7 @@ pub enum TrainError {
         path: PathBuf,
     },
     /// The training has left the numbers.
-    #[error("update {update} diverged: {what} is {value}; the last good checkpoint is kept; try smaller step sizes: {}", run.display())]
+    #[error("update {update} diverged: {what} is {value}; the last good checkpoint is kept; try {remedy}: {}", run.display())]
     Diverged {
         /// The update that was not made.
         update: u64,
@@ -108,6 +108,8 @@ pub enum TrainError {
         what: &'static str,
         /// Its value.
         value: f32,
+        /// What may help.
+        remedy: &'static str,
         /// The run folder.
         run: PathBuf,
     },

@@ -260,7 +260,8 @@ impl Run {
     pub fn diverged(&self, error: TrainError, update: u64) -> TrainError {
         match error {
             TrainError::NotFinite { what, value } => {
-                TrainError::Diverged { update: update + 1, what, value, run: self.path().to_owned() }
+                let remedy = "a lower --lr";
+                TrainError::Diverged { update: update + 1, what, value, remedy, run: self.path().to_owned() }
             }
             other => other,
         }

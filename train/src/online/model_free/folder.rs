@@ -200,7 +200,9 @@ impl Folder {
     pub fn diverged(&self, error: TrainError, update: u64) -> TrainError {
         match error {
             TrainError::NotFinite { what, value } => {
-                TrainError::Diverged { update: update + 1, what, value, run: self.path().to_owned() }
+                // The step sizes are the system's own.
+                let remedy = "another --seed or --system";
+                TrainError::Diverged { update: update + 1, what, value, remedy, run: self.path().to_owned() }
             }
             other => other,
         }
