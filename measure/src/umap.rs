@@ -13,7 +13,7 @@ mod transform;
 
 pub use curve::Curve;
 pub use fuzzy::FuzzyGraph;
-pub use layout::Position;
+pub use lanes::Position;
 pub use transform::{among_neighbours, transform};
 
 use rand::Rng;

@@ -10,8 +10,6 @@ use crate::error::Result;
 use crate::evaluate::open_loop::AHEAD;
 use crate::learners::auxiliary::REGISTRY;
 use crate::metrics::{Row, read_rows};
-use crate::online::options::OnlineOptions;
-use crate::online::protocol::Protocol;
 use crate::run::{Run, RunInfo};
 
 /// Evaluations shown; of more, the first, the last and some between.
@@ -24,8 +22,10 @@ const SHOWN: usize = 12;
 pub fn write_summary(run: &Run) -> Result<()> {
     let rows = if run.metrics_path().exists() { read_rows(&run.metrics_path())? } else { Vec::new() };
     let evaluations = Metrics::read(&run.evaluations_path())?.lines.into_iter().map(Json::Object).collect::<Vec<_>>();
-    let protocol = OnlineOptions::read(run.path())?.and_then(|options| options.protocol);
-    let page = summary(&run.name(), run.info(), protocol, &rows, &evaluations);
+    // The page about a run stands below online training and reads of it what lies on disk.
+    let online = std::fs::read(run.path().join("online.json")).unwrap_or_default();
+    let online: Json = serde_json::from_slice(&online).unwrap_or_default();
+    let page = summary(&run.name(), run.info(), online["protocol"].as_str(), &rows, &evaluations);
     Ok(write_atomically(&run.path().join("summary.md"), page.as_bytes())?)
 }
 
@@ -103,7 +103,7 @@ fn returns(page: &mut String, evaluations: &[Json]) {
 }
 
 /// The page.
-fn summary(name: &str, info: &RunInfo, protocol: Option<Protocol>, rows: &[Row], evaluations: &[Json]) -> String {
+fn summary(name: &str, info: &RunInfo, protocol: Option<&str>, rows: &[Row], evaluations: &[Json]) -> String {
     let mut page = format!("# {name}\n\n");
     about(&mut page, info);
     if let Some(protocol) = protocol {

@@ -6,7 +6,9 @@
 //! order, so that wide instructions and narrow ones give the same bits.
 
 use super::curve::Curve;
-use super::layout::Position;
+
+/// A point of the map.
+pub type Position = [f32; 2];
 
 /// Points that act at once: one vector register of the machine, or two.
 const LANES: usize = 8;

@@ -13,11 +13,8 @@ use rayon::prelude::*;
 
 use super::curve::Curve;
 use super::fuzzy::FuzzyGraph;
-use super::lanes::{Forces, Lanes};
+use super::lanes::{Forces, Lanes, Position};
 use crate::neighbours::Neighbours;
-
-/// A point of the map.
-pub type Position = [f32; 2];
 
 /// Rounds in an epoch. Fewer let too many edges of a vertex act on outdated positions, which costs quality.
 const ROUNDS: usize = 8;
