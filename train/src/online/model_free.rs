@@ -13,7 +13,7 @@
 //! that the episode before has paid for. So every number is decided by the options and the seed, and a run that was stopped goes on from its last checkpoint to the
 //! same bytes.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
@@ -22,6 +22,7 @@ use vibes_env::videos::VideoSet;
 use vibes_model::actions::Choice;
 use vibes_model::trained::TrainedAgent;
 
+use super::BETWEEN_SAVES;
 use super::actor::{self, ActorThread, EpisodeKind, Living, Task, episode_seed};
 use super::evaluate::{self, Evaluation};
 use crate::error::Result;
@@ -34,9 +35,6 @@ use crate::windows::{Prefetch, Purpose, update_rng};
 pub mod folder;
 
 use folder::{Folder, ModelFreeOptions};
-
-/// Longest time between checkpoints, so that a kill never costs more than two minutes.
-const BETWEEN_SAVES: Duration = Duration::from_secs(100);
 
 /// What the loop tells its listener.
 #[derive(Debug)]

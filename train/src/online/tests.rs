@@ -70,14 +70,14 @@ fn finals(run: &Path) -> Vec<bool> {
     text.lines().map(line).collect()
 }
 
-/// The same from pictures, without a world model.
-fn without(path: &Path, live: Living) -> Result<End> {
+/// The options of the same from pictures, without a world model, in episodes of so many steps.
+fn model_free_options(steps: u32) -> ModelFreeOptions {
     let agent = match AgentOptions::system("sac-drq", Size::Small).unwrap() {
         AgentOptions::Stacks(system) => AgentOptions::Stacks(SacOptions { batch: 4, ..system }),
         other @ AgentOptions::Recurrent(_) => other,
     };
-    let online = OnlineOptions { world: options::WorldOptions { size: Some(24), ..options().world }, ..options() };
-    let options = ModelFreeOptions {
+    let world = options::WorldOptions { size: Some(24), steps, ..options().world };
+    ModelFreeOptions {
         format: FORMAT.to_owned(),
         system: "sac-drq".to_owned(),
         size: Size::Small,
@@ -85,9 +85,14 @@ fn without(path: &Path, live: Living) -> Result<End> {
         agent,
         updates_per_step: 0.1,
         save_every: 1,
-        online,
-    };
-    model_free_living(live, &Folder::create_or_open(path, options).unwrap(), &Device::flex(), &mut |_| Go::On)
+        online: OnlineOptions { world, ..options() },
+    }
+}
+
+/// Such a run at `path` as far as it gets.
+fn without(path: &Path, live: Living) -> Result<End> {
+    let folder = Folder::create_or_open(path, model_free_options(options().world.steps)).unwrap();
+    model_free_living(live, &folder, &Device::flex(), &mut |_| Go::On)
 }
 
 /// Weights of the newest checkpoint and everything that was lived through, by their places.
@@ -176,23 +181,9 @@ fn an_episode_without_a_window_is_refused_before_anything_is_begun() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
     let short = OnlineOptions { world: options::WorldOptions { steps: 7, ..options().world }, ..options() };
-    let error = prepare::from_nothing(&run, &tiny(), short.clone()).unwrap_err().to_string();
+    let error = prepare::from_nothing(&run, &tiny(), short).unwrap_err().to_string();
     assert!(error.contains("--steps is 7, and a window has 8 rows") && !run.exists(), "{error}");
-    let world = options::WorldOptions { size: Some(24), steps: 2, ..short.world };
-    let (system, agent) = ("sac-drq".to_owned(), AgentOptions::system("sac-drq", Size::Small).unwrap());
-    let online = OnlineOptions { world, ..options() };
-    let format = FORMAT.to_owned();
-    let options = ModelFreeOptions {
-        format,
-        system,
-        size: Size::Small,
-        seed: 0,
-        agent,
-        updates_per_step: 0.1,
-        save_every: 1,
-        online,
-    };
-    let error = Folder::create_or_open(&run, options).unwrap_err().to_string();
+    let error = Folder::create_or_open(&run, model_free_options(2)).unwrap_err().to_string();
     assert!(error.contains("--steps is 2"), "{error}");
 }
 
