@@ -19,7 +19,7 @@ mod winograd;
 ///
 /// `pixels` is `[frames, height, width, channels]`, see [`pixel_tensor`](super::pixel_tensor); the result is `[frames, h·w·c]` in the order `[h, w, c]` of the
 /// last layer. Differentiable in the weights and biases, not in the pixels. On `flex`, with 32 filters in every layer and one or three RGB pictures, it runs as
-/// one operation, with 4/9 of the multiplications after the first layer.
+/// one operation, with a quarter of the multiplications after the first layer.
 ///
 /// # Panics
 /// If a layer's input is smaller than its kernel or the channel counts do not follow from each other.

@@ -1,6 +1,6 @@
 //! Sixteen float32 numbers handled at once: one AVX-512 register, or an array that the compiler cuts to the registers there are.
 //!
-//! In: sixteen neighbouring numbers. Out: their sums and differences. For use under [`Instructions::run`](super::Instructions).
+//! In: sixteen neighbouring numbers. Out: their sums, differences and multiples. For use under [`Instructions::run`](super::Instructions).
 
 /// Numbers in one vector.
 pub(super) const LANES: usize = 16;
@@ -12,6 +12,8 @@ pub(super) trait Lanes: Copy {
     fn store(self, to: &mut [f32; LANES]);
     fn plus(self, other: Self) -> Self;
     fn minus(self, other: Self) -> Self;
+    /// `self + factor · other`, rounded once where the instructions can.
+    fn plus_times(self, factor: f32, other: Self) -> Self;
     /// The number, or 0 where it is negative.
     fn positive(self) -> Self;
     /// The number, or 0 where `gate` is not above 0.
@@ -69,6 +71,14 @@ impl Lanes for [f32; LANES] {
     }
 
     #[inline(always)]
+    fn plus_times(mut self, factor: f32, other: Self) -> Self {
+        for i in 0..LANES {
+            self[i] += factor * other[i];
+        }
+        self
+    }
+
+    #[inline(always)]
     fn positive(mut self) -> Self {
         for number in &mut self {
             *number = if *number > 0.0 { *number } else { 0.0 };
@@ -107,8 +117,8 @@ mod avx512 {
     #![allow(unsafe_code, reason = "the instructions exist only where `Instructions::Avx512` does")]
 
     use std::arch::x86_64::{
-        __m512, _CMP_GT_OQ, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_loadu_ps, _mm512_maskz_mov_ps, _mm512_max_ps,
-        _mm512_setzero_ps, _mm512_storeu_ps, _mm512_sub_ps,
+        __m512, _CMP_GT_OQ, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_maskz_mov_ps,
+        _mm512_max_ps, _mm512_set1_ps, _mm512_setzero_ps, _mm512_storeu_ps, _mm512_sub_ps,
     };
 
     use super::{LANES, Lanes};
@@ -142,6 +152,11 @@ mod avx512 {
         #[inline(always)]
         fn minus(self, other: Self) -> Self {
             Self(unsafe { _mm512_sub_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn plus_times(self, factor: f32, other: Self) -> Self {
+            Self(unsafe { _mm512_fmadd_ps(_mm512_set1_ps(factor), other.0, self.0) })
         }
 
         #[inline(always)]

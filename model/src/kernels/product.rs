@@ -62,9 +62,9 @@ impl<const ROW: usize, const STEP: usize> Left<'_, ROW, STEP> {
             }
             return;
         }
-        let last = (rows - 1) * ROW + (self.outer - 1) * self.outer_step + (self.inner - 1) * STEP;
-        let (left, right, out) = (&self.data[..=last], &right[..k * PANEL], &mut out[..rows * PANEL]);
         let shape = Shape { outer: self.outer, outer_step: self.outer_step, inner: self.inner };
+        let left = &self.data[..=shape.last::<ROW, STEP>(rows)];
+        let (right, out) = (&right[..k * PANEL], &mut out[..rows * PANEL]);
         match instructions {
             #[cfg(target_arch = "x86_64")]
             Instructions::Avx512 => avx512::tile::<ROW, STEP>(shape, left, right, rows, out, add),
@@ -82,4 +82,11 @@ struct Shape {
     outer: usize,
     outer_step: usize,
     inner: usize,
+}
+
+impl Shape {
+    /// Where the last number lies that the left side's rows reach, none of the extents being zero.
+    fn last<const ROW: usize, const STEP: usize>(self, rows: usize) -> usize {
+        (rows - 1) * ROW + (self.outer - 1) * self.outer_step + (self.inner - 1) * STEP
+    }
 }

@@ -105,3 +105,38 @@ fn sizes() {
     assert_eq!(conv3_size([64, 64], 4), Some([25, 25]));
     assert_eq!(conv3_size([6, 6], 4), None);
 }
+
+/// Milliseconds of the four layers over a batch: `cargo test -p vibes-model --lib conv3::tests::bench -- --ignored --nocapture`.
+#[test]
+#[ignore = "a measurement, not a test"]
+fn bench() {
+    let device = Device::flex().autodiff();
+    let (pixels, learned) = (frames([128, 64, 64, 9], &device), layers(9, 32, 4, &device));
+    let inner =
+        |layer: &Conv3Layer| Conv3Layer { weight: layer.weight.clone().inner(), bias: layer.bias.clone().inner() };
+    let constant: Vec<Conv3Layer> = learned.iter().map(inner).collect();
+    let seen = frames([128, 64, 64, 9], &Device::flex());
+    let median = |run: &dyn Fn() -> f64| {
+        let mut times: Vec<f64> = (0..9).map(|_| run()).collect();
+        times.sort_by(f64::total_cmp);
+        times[4]
+    };
+    let clock = std::time::Instant::now;
+    let forward = median(&|| {
+        let begun = clock();
+        std::hint::black_box(conv3_features(seen.clone(), &constant));
+        begun.elapsed().as_secs_f64() * 1e3
+    });
+    let kept = median(&|| {
+        let begun = clock();
+        std::hint::black_box(conv3_features(pixels.clone(), &learned));
+        begun.elapsed().as_secs_f64() * 1e3
+    });
+    let backward = median(&|| {
+        let features = conv3_features(pixels.clone(), &learned).sum();
+        let begun = clock();
+        std::hint::black_box(features.backward());
+        begun.elapsed().as_secs_f64() * 1e3
+    });
+    println!("forward {forward:.1} ms, forward kept {kept:.1} ms, backward {backward:.1} ms");
+}

@@ -10,7 +10,10 @@ use std::arch::x86_64::{
 
 use super::{PANEL, Shape};
 
-/// As [`portable::tile`](super::portable::tile). The caller has cut the slices to exactly what is read and written.
+/// As [`portable::tile`](super::portable::tile).
+///
+/// # Panics
+/// If a slice is too short, or more than 12 rows are asked for.
 #[inline]
 pub(super) fn tile<const ROW: usize, const STEP: usize>(
     shape: Shape,
@@ -34,9 +37,17 @@ pub(super) fn tile<const ROW: usize, const STEP: usize>(
         11 => fixed::<11, ROW, STEP>,
         _ => fixed::<12, ROW, STEP>,
     };
-    // In every build, as the call below is sound only after it. It reads what the processor was asked once.
+    // In every build, as the call below is sound only after it. The processor was asked once; the lengths are three comparisons per tile.
+    let (last, k) = (shape.last::<ROW, STEP>(rows), shape.outer * shape.inner);
+    assert!(
+        (1..=12).contains(&rows) && k > 0 && left.len() > last && right.len() >= k * PANEL && out.len() >= rows * PANEL,
+        "a tile of {rows} rows over {k} from slices of {}, {} and {}",
+        left.len(),
+        right.len(),
+        out.len()
+    );
     assert!(super::Instructions::Avx512.available(), "AVX-512 asked for on a processor without it");
-    // SAFETY: `left` ends after the last element that `shape` reaches from row `rows − 1`, `right` holds `outer · inner` rows and
+    // SAFETY: `left` holds the last element that `shape` reaches from row `rows − 1`, `right` holds `outer · inner` rows and
     // `out` holds `rows` rows of `PANEL`; the processor has AVX-512, as was just checked.
     unsafe { run(shape, left.as_ptr(), right.as_ptr(), out.as_mut_ptr(), add) }
 }
