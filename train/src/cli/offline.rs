@@ -23,7 +23,7 @@ pub(crate) struct OfflineArgs {
     /// Recordings to train on, all of the same task and sizes.
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
-    /// The run folder [default: runs/<recording>-<objective>].
+    /// The run folder [default: runs/RECORDING-OBJECTIVE].
     #[arg(short, long, value_name = "RUN")]
     output: Option<PathBuf>,
     /// Begin with the newest weights of another run, of the same task, sizes and objective.

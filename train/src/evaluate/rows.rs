@@ -1,5 +1,7 @@
 //! The rows that are measured: every row of some episodes, with their keys, their cells and what they say. In: recordings. Out: columns for `vibes-measure`.
 
+use std::collections::BTreeMap;
+
 use vibes_data::{About, EpisodeView, Readable, Recording};
 use vibes_measure::Table;
 use vibes_measure::past_actions::{past_action_dims, past_action_features};
@@ -51,7 +53,18 @@ impl Rows {
                 rows.push(at, recording.episode(index)?, offset);
             }
         }
+        rows.share_states();
         Ok(rows)
+    }
+
+    /// Gives episodes of several recordings that took the same actions one state trajectory: views of a recording drawn again (`vibes-collect render`), even turned
+    /// round, are not other trajectories, and what is fitted on one must not be checked on the other.
+    fn share_states(&mut self) {
+        let several = self.recording.windows(2).any(|pair| pair[0] != pair[1]);
+        let Some(states) = several.then(|| drawn_again(&self.views)).flatten() else { return };
+        let of_rows = |(view, state): (&EpisodeView, u32)| std::iter::repeat_n(Some(state), view.rows());
+        self.state = self.views.iter().zip(states).flat_map(of_rows).collect();
+        self.distractor = self.episode.iter().copied().map(Some).collect();
     }
 
     fn push(&mut self, recording: usize, view: EpisodeView, offset: Offset) {
@@ -146,6 +159,20 @@ impl Rows {
         };
         Some(Quantity { name: name.to_owned(), hold_out, values })
     }
+}
+
+/// A number for every episode, the same for those that took the same actions; nothing where all differ, or where none do, as under a policy that always does the same.
+fn drawn_again(views: &[EpisodeView]) -> Option<Vec<u32>> {
+    let bits = |view: &EpisodeView| -> Vec<u32> {
+        (0..view.steps()).flat_map(|step| view.action(step)).map(|value| value.to_bits()).collect()
+    };
+    let mut numbers = BTreeMap::new();
+    let mut number = |actions| {
+        let next = numbers.len() as u32;
+        *numbers.entry(actions).or_insert(next)
+    };
+    let states: Vec<u32> = views.iter().map(|view| number(bits(view))).collect();
+    (1 < numbers.len() && numbers.len() < views.len()).then_some(states)
 }
 
 /// What is added to the numbers of a recording's episodes and cells.
