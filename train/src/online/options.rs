@@ -105,18 +105,18 @@ impl OnlineOptions {
     }
 
     fn first_difference(&self, asked: &Self) -> Option<(String, String, String)> {
-        let free: &[&str] = match self.protocol {
-            Some(_) => &[],
-            None => &["control_steps", "evaluate_every", "evaluation_episodes", "final_episodes"],
-        };
-        let [mine, theirs] = [self, asked].map(|options| {
-            let mut value = serde_json::to_value(options).unwrap_or_default();
-            if let Some(entries) = value.as_object_mut() {
-                entries.retain(|key, _| !free.contains(&key.as_str()));
-            }
-            value
-        });
-        difference("", &mine, &theirs)
+        let is_published = self.protocol.is_some();
+        difference("", &self.fixed(is_published), &asked.fixed(is_published))
+    }
+
+    /// What may not change from one call to the next: everything under a protocol, else all but how long to go on and how to evaluate.
+    pub(super) fn fixed(&self, is_published: bool) -> serde_json::Value {
+        let free = ["control_steps", "evaluate_every", "evaluation_episodes", "final_episodes"];
+        let mut value = serde_json::to_value(self).unwrap_or_default();
+        if let (false, Some(entries)) = (is_published, value.as_object_mut()) {
+            entries.retain(|key, _| !free.contains(&key.as_str()));
+        }
+        value
     }
 
     /// At which control steps the next evaluation is due, seen from so many.
@@ -261,6 +261,9 @@ mod tests {
             change(&mut other);
             assert_eq!(found.first_difference(&other).map(|(key, ..)| key).as_deref(), Some(key));
         }
+        let published = OnlineOptions { protocol: Some(Protocol::DcsEasyDynamic500k), ..found.clone() };
+        let longer = OnlineOptions { control_steps: 600_000, ..published.clone() };
+        assert_eq!(published.first_difference(&longer).map(|(key, ..)| key).as_deref(), Some("control_steps"));
     }
 
     #[test]

@@ -57,20 +57,15 @@ impl ModelFreeOptions {
 
     /// The first option that these may not differ in from those of the run that is there; how long to go on may change from one call to the next.
     fn first_difference(&self, found: &Self) -> Option<(String, String, String)> {
-        let fixed = |options: &Self| Self {
-            online: OnlineOptions {
-                control_steps: 0,
-                evaluate_every: 0,
-                evaluation_episodes: 0,
-                final_episodes: 0,
-                // These agents do not look at it, and older files say another number.
-                exploration: 0.0,
-                ..options.online.clone()
-            },
-            save_every: 0,
-            ..options.clone()
+        let is_published = found.online.protocol.is_some();
+        let fixed = |options: &Self| {
+            // These agents do not look at the noise of exploration, and older files say another number.
+            let online = OnlineOptions { exploration: 0.0, ..options.online.clone() };
+            let mut value = serde_json::to_value(Self { save_every: 0, ..options.clone() }).unwrap_or_default();
+            value["online"] = online.fixed(is_published);
+            value
         };
-        let [found, asked] = [found, self].map(|options| serde_json::to_value(fixed(options)).unwrap_or_default());
+        let [found, asked] = [found, self].map(fixed);
         difference("", &found, &asked)
     }
 }
