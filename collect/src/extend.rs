@@ -14,9 +14,8 @@ use std::sync::atomic::AtomicBool;
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use vibes_data::{EpisodeEntry, FolderLock, Grid, Manifest, Recording};
 
-use crate::care::select::SUBSET;
 use crate::paths::rebase;
-use crate::plan::{RecordOptions, state_seed};
+use crate::plan::{RecordOptions, SUBSET, state_seed};
 use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, record};
 use crate::stored::{has_logs, options_of};
 use crate::trained::acted_by;
@@ -115,6 +114,7 @@ pub fn extend(path: &Path, size: Size, run: ExtendRun<'_>, report: &(dyn Fn(Prog
         policies: PolicyMaker::default(),
         stop: run.stop,
     };
+    places.keep_what_is_beside()?;
     if !is_wider {
         places.clear()?;
         ask_for(&recording, &options)?;
@@ -122,11 +122,13 @@ pub fn extend(path: &Path, size: Size, run: ExtendRun<'_>, report: &(dyn Fn(Prog
         drop(lock);
         return record(path, &record_run, report);
     }
+    places.forget_other_sizes(&options)?;
     let wider = record(&places.larger, &record_run, report)?;
     if wider.episodes().len() < options.episodes as usize {
         return Ok(wider);
     }
     places.exchange()?;
+    places.keep_what_is_beside()?;
     places.clear()?;
     Ok(Recording::open(path)?)
 }
@@ -181,6 +183,9 @@ fn ask_for(recording: &Recording, options: &RecordOptions) -> Result<()> {
     Ok(asked.write(&recording.path().join("manifest.json"))?)
 }
 
+/// What a recording itself has in its folder.
+const OURS: [&str; 3] = ["manifest.json", "episodes", ".lock"];
+
 /// The recording and what lies beside it while it grows, all in one folder.
 #[derive(Debug)]
 struct Places {
@@ -219,6 +224,27 @@ impl Places {
         let rename = |from: &Path, to: &Path| std::fs::rename(from, to).map_err(Error::io("rename", from));
         rename(&self.recording, &self.before)?;
         rename(&self.larger, &self.recording)
+    }
+
+    /// Moves files of others, such as latents and notes, from the old folder into the recording that has taken its place.
+    fn keep_what_is_beside(&self) -> Result<()> {
+        for folder in [&self.larger, &self.before].into_iter().filter(|folder| folder.is_dir()) {
+            for entry in std::fs::read_dir(folder).map_err(Error::io("list", folder))? {
+                let entry = entry.map_err(Error::io("list", folder))?;
+                let kept = self.recording.join(entry.file_name());
+                let is_ours = OURS.iter().any(|name| entry.file_name() == *name);
+                if !is_ours && !kept.exists() {
+                    std::fs::rename(entry.path(), &kept).map_err(Error::io("move", entry.path()))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Removes the beginnings of a recording of another size: the recording itself is whole, and goes on to the size that is asked for now.
+    fn forget_other_sizes(&self, asked: &RecordOptions) -> Result<()> {
+        let is_other = Manifest::read(&self.larger.join("manifest.json")).is_ok_and(|begun| begun.grid != asked.grid);
+        if is_other { self.clear() } else { Ok(()) }
     }
 
     /// Removes what an extension left beside the recording, which holds all of it by now.

@@ -15,6 +15,9 @@ use vibes_env::render::Look;
 use vibes_env::videos::{VideoSet, VideoSource};
 pub use vibes_env::{ChosenSeeds, distractor_seed, state_seed};
 
+/// The key of the options under which a part says what it is a part of.
+pub(crate) const SUBSET: &str = "subset";
+
 /// Everything that decides what a recording holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RecordOptions {

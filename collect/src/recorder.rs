@@ -15,7 +15,7 @@ use vibes_data::{Recording, RecordingWriter};
 
 pub use source::Source;
 
-use crate::plan::{PlannedEpisode, RecordOptions};
+use crate::plan::{PlannedEpisode, RecordOptions, SUBSET};
 use crate::stored::Acted;
 use crate::studio::StudioSettings;
 use crate::trained::policy;
@@ -109,7 +109,15 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
         check_drawing()?;
     }
     let videos = options.video_library()?;
-    let manifest = options.manifest(path, run.seed, &environment, videos.videos());
+    let mix: PolicyMix = options.policy.parse()?;
+    if matches!(run.source, Source::Simulation) && !path.join("manifest.json").exists() {
+        // Nor does a file of actions that does not fit.
+        mix.shares().iter().try_for_each(|(policy, _)| policy.check(options.steps, environment.action_len()))?;
+    }
+    let mut manifest = options.manifest(path, run.seed, &environment, videos.videos());
+    if let Some(part) = run.source.subset() {
+        manifest.options[SUBSET] = part.clone();
+    }
     run.source.check_videos(videos.videos())?;
     let writer = RecordingWriter::create_or_resume(path, manifest, run.with_mcap)?;
     let resumed = Recording::open(path)?;
@@ -118,7 +126,7 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
     let shared = Shared {
         path,
         run,
-        mix: options.policy.parse()?,
+        mix,
         studio: StudioSettings::new(options, run.seed, &environment, videos)?,
         stored: Stored::new(run.source, &resumed),
         writer: &writer,

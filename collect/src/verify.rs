@@ -92,6 +92,7 @@ pub fn verify(recording: &Recording, simulate: bool) -> Result<Verdict> {
         }
         verdict.findings.extend(findings);
     }
+    verdict.findings.extend(recording.strays().iter().cloned());
     Ok(verdict)
 }
 

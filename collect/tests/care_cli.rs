@@ -66,3 +66,73 @@ fn wrong_care_is_refused_with_what_would_be_right() {
         works(here, &format!("export grid --format {format} -o {format}"));
     }
 }
+
+#[test]
+fn holes_are_recorded_again_and_files_that_are_no_episodes_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let record = "--grid 2x2 --steps 4 --no-pixels -o grid";
+    works(here, record);
+    let file = |index: u32| here.join(format!("grid/episodes/{index:06}.arrow"));
+    let whole = std::fs::read(file(2)).unwrap();
+    for damaged in [None, Some(&whole[..500])] {
+        std::fs::remove_file(file(2)).unwrap();
+        if let Some(bytes) = damaged {
+            std::fs::write(file(2), bytes).unwrap();
+        }
+        works(here, record);
+        assert_eq!(std::fs::read(file(2)).unwrap(), whole);
+    }
+    // Another episode under a number of its own, and no episode at all.
+    std::fs::copy(file(0), file(9)).unwrap();
+    std::fs::write(file(8), "notes").unwrap();
+    assert!(works(here, "info grid").contains('4'));
+    let verified = run::collect(here, "verify grid");
+    let said = String::from_utf8_lossy(&verified.stdout).into_owned() + &String::from_utf8_lossy(&verified.stderr);
+    assert_eq!(verified.status.code(), Some(3), "{said}");
+    assert!(said.contains("000009.arrow") && said.contains("000008.arrow") && said.contains("2 findings"), "{said}");
+}
+
+#[test]
+fn a_recording_grows_without_losing_what_lies_beside_its_episodes() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let options = "--steps 3 --size 16 --seed 5";
+    works(here, &format!("--grid 2x2 {options} -o grid"));
+    std::fs::write(here.join("grid/NOTES.md"), "mine").unwrap();
+    // Begun for another size and stopped.
+    works(here, &format!("--grid 2x5 {options} -o .grid.extending"));
+    works(here, "extend grid --grid 2x3");
+    assert_eq!(std::fs::read_to_string(here.join("grid/NOTES.md")).unwrap(), "mine");
+    assert_eq!(Recording::open(&here.join("grid")).unwrap().episodes().len(), 6);
+    assert!(!here.join(".grid.extending").exists());
+    // A part stays one when it is drawn again.
+    works(here, "filter grid --states 0 -o part");
+    works(here, "render part --size 8 -o small");
+    fails(here, "extend small --grid 2x3", 1, "a part of another");
+}
+
+#[test]
+fn actions_of_a_file_are_checked_before_anything_is_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let record = |steps: u32| format!("--policy actions:mine.json --no-pixels --episodes 1 --steps {steps} -o acted");
+    for (text, says) in [
+        ("[[0, 0], [0, null]]", "row 1 has null"),
+        ("{\"rows\": 1}", "neither a list nor"),
+        ("[[0, 0], [0, 5]]", "episode of 3 steps"),
+        ("[[0, 0], [0], [0, 0]]", "row 1 has 1 numbers"),
+    ] {
+        std::fs::write(here.join("mine.json"), text).unwrap();
+        fails(here, &record(3), 1, says);
+        assert!(!here.join("acted").exists(), "{text}");
+    }
+    std::fs::write(here.join("mine.json"), "[[0, 0], [0, 5]]").unwrap();
+    works(here, &record(2));
+    let recording = Recording::open(&here.join("acted")).unwrap();
+    // What is kept is what the actuators can do.
+    assert_eq!(recording.episode(0).unwrap().action(1), [0.0, 1.0]);
+    assert!(works(here, "verify acted").contains("0 findings"));
+    fails(here, "preview --task foo -o sheets", 2, "reacher-easy");
+    assert!(!here.join("sheets").exists());
+}

@@ -86,6 +86,17 @@ pub struct EpisodeEntry {
     pub mcap: Option<FileEntry>,
 }
 
+impl EpisodeEntry {
+    /// Whether its files lie in the recording's folder, as large as it says. What is in them is for [`verify_episode`](crate::verify_episode) to read.
+    pub(crate) fn has_its_files(&self, recording: &Path) -> bool {
+        let lies_there = |file: &FileEntry| {
+            std::fs::metadata(recording.join(&file.path))
+                .is_ok_and(|found| found.is_file() && found.len() == file.bytes)
+        };
+        [Some(&self.arrow), self.mcap.as_ref()].into_iter().flatten().all(lies_there)
+    }
+}
+
 /// A file of the recording, by its path inside the folder.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileEntry {
@@ -141,7 +152,7 @@ impl Manifest {
             return Err(Error::malformed(path, format!("format {}", self.format), format!("{FORMAT} is known")));
         }
         if let Some(fault) = self.spec.fault() {
-            let expected = "sizes within limits, a timestep above 0, rising action bounds and quantities of numbers that are there";
+            let expected = "sizes within limits, a timestep above 0, finite and rising action bounds, and quantities of numbers that are there";
             return Err(Error::malformed(path, fault, expected));
         }
         for pair in self.episodes.windows(2) {

@@ -1,13 +1,12 @@
 //! An open recording: its manifest, and its episodes memory-mapped on demand.
 //!
 //! A recording that was killed half-way opens too: finished episodes that the manifest does not list yet are found by their
-//! files, which carry their own entries.
+//! files, which carry their own entries. A file that is no episode of the recording is left alone, for `verify` to name.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::arrow_table::read_episode_entry;
-use crate::{EpisodeEntry, EpisodeView, Error, FileEntry, Manifest, Result};
+use crate::{EpisodeEntry, EpisodeView, Error, FileEntry, Finding, Manifest, Result};
 
 /// The folder of episode files inside a recording.
 pub(crate) const EPISODES: &str = "episodes";
@@ -20,6 +19,7 @@ pub(crate) const MANIFEST: &str = "manifest.json";
 pub struct Recording {
     path: PathBuf,
     manifest: Manifest,
+    strays: Vec<Finding>,
 }
 
 impl Recording {
@@ -29,9 +29,14 @@ impl Recording {
     /// [`Error::NoRecording`], or [`Error::Malformed`] for a damaged manifest.
     pub fn open(path: &Path) -> Result<Self> {
         let mut manifest = Manifest::read(&path.join(MANIFEST))?;
-        adopt_unlisted(path, &mut manifest)?;
         manifest.check(&path.join(MANIFEST))?;
-        Ok(Self { path: path.into(), manifest })
+        let strays = adopt_unlisted(path, &mut manifest)?;
+        Ok(Self { path: path.into(), manifest, strays })
+    }
+
+    /// Files among the episodes that the manifest does not list and that are no episodes of this recording.
+    pub fn strays(&self) -> &[Finding] {
+        &self.strays
     }
 
     /// Where the recording lies.
@@ -74,17 +79,26 @@ pub(crate) fn episode_path(index: u32, ending: &str) -> String {
     format!("{EPISODES}/{index:06}.{ending}")
 }
 
-/// Adds finished episodes that the manifest does not list.
-fn adopt_unlisted(path: &Path, manifest: &mut Manifest) -> Result<()> {
-    let mut entries: BTreeMap<u32, EpisodeEntry> =
-        manifest.episodes.drain(..).map(|entry| (entry.index, entry)).collect();
+/// Adds finished episodes that the manifest does not list; returns the files that are none.
+fn adopt_unlisted(path: &Path, manifest: &mut Manifest) -> Result<Vec<Finding>> {
+    let mut strays = Vec::new();
     for index in finished_files(&path.join(EPISODES))? {
-        if let std::collections::btree_map::Entry::Vacant(vacant) = entries.entry(index) {
-            vacant.insert(adopt(path, index)?);
-        }
+        let Err(place) = manifest.episodes.binary_search_by_key(&index, |entry| entry.index) else { continue };
+        let fault = match adopt(path, index) {
+            Ok(entry) => {
+                manifest.episodes.insert(place, entry);
+                let checked = manifest.check(&path.join(MANIFEST));
+                if checked.is_err() {
+                    manifest.episodes.remove(place);
+                }
+                checked.err()
+            }
+            Err(error) => Some(error),
+        };
+        let file = path.join(episode_path(index, "arrow"));
+        strays.extend(fault.map(|error| Finding { path: file, fault: format!("not in the manifest: {error}") }));
     }
-    manifest.episodes = entries.into_values().collect();
-    Ok(())
+    Ok(strays)
 }
 
 fn adopt(path: &Path, index: u32) -> Result<EpisodeEntry> {

@@ -112,6 +112,10 @@ impl Spec {
         if self.action.min.is_empty() {
             return Some("an action of no numbers".into());
         }
+        let rises = |(low, high): (&f64, &f64)| low.is_finite() && high.is_finite() && low <= high;
+        if let Some(at) = self.action.min.iter().zip(&self.action.max).position(|bounds| !rises(bounds)) {
+            return Some(format!("bounds of action[{at}] from {} to {}", self.action.min[at], self.action.max[at]));
+        }
         if self.pixels.is_some_and(|size| size.height == 0 || size.width == 0) || side > 8192 {
             return Some(format!("a picture side of {side} pixels"));
         }

@@ -1,25 +1,17 @@
 //! Checks what can be checked without a simulator: every file's checksum, the columns and their alignment, and that the
 //! MCAP log tells the same episode as the Arrow table. In: a recording. Out: what is wrong, one finding a file.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::{
-    BackgroundFrame, EpisodeEntry, Error, FileEntry, Recording, Result, Spec, read_episode_entry, read_mcap, sha256_hex,
+    BackgroundFrame, EpisodeEntry, Error, FileEntry, Finding, Recording, Result, Spec, read_episode_entry, read_mcap,
+    sha256_hex,
 };
 
-/// Something wrong with one file.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Finding {
-    /// The file.
-    pub path: PathBuf,
-    /// What is wrong with it.
-    pub fault: String,
-}
-
-/// Checks every episode of a recording, one at a time.
+/// Checks every episode of a recording, one at a time, and names the files that are none.
 pub fn verify_recording(recording: &Recording) -> Vec<Finding> {
     let check = |entry| verify_episode(recording, entry);
-    recording.episodes().iter().flat_map(check).collect()
+    recording.episodes().iter().flat_map(check).chain(recording.strays().iter().cloned()).collect()
 }
 
 /// Checks the files of one episode.

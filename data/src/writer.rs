@@ -55,18 +55,22 @@ struct Growing {
 }
 
 impl RecordingWriter {
-    /// Begins a recording, or goes on with the one that is there if it was asked for with the same options.
+    /// Begins a recording, or goes on with the one that is there if it was asked for with the same options. Episodes whose files are missing or of another size are not
+    /// there any more: they are to be written again.
     ///
     /// # Errors
     /// [`Error::OtherRecording`] when a recording of other options is there, [`Error::Malformed`] when it is damaged, [`Error::Owned`] when
     /// another process writes into it.
     pub fn create_or_resume(path: &Path, manifest: Manifest, with_mcap: bool) -> Result<Self> {
+        // Before anything is on disk: a manifest that could not be read again.
+        manifest.check(&path.join(MANIFEST))?;
         let folder = path.join(EPISODES);
         let lock = FolderLock::acquire(path)?;
         let manifest = match Recording::open(path) {
             Ok(found) => {
                 same_request(path, found.manifest(), &manifest)?;
-                Manifest { episodes: found.episodes().to_vec(), ..manifest }
+                let whole = found.episodes().iter().filter(|entry| entry.has_its_files(path));
+                Manifest { episodes: whole.cloned().collect(), ..manifest }
             }
             Err(Error::NoRecording { .. }) => manifest,
             Err(error) => return Err(error),

@@ -93,6 +93,7 @@ fn hostile_manifests_are_refused() {
     }));
     assert!(refused(&|bad| bad["spec"]["action"] = serde_json::json!({ "min": [], "max": [] })));
     assert!(refused(&|bad| bad["spec"]["control_timestep"] = (-1.0).into()));
+    assert!(refused(&|bad| bad["spec"]["action"]["min"][0] = 1e300.into()));
     assert!(refused(&|bad| bad["episodes"][0]["cell"]["state"] = 1.into()));
     assert!(refused(&|bad| bad["grid"]["distractors"] = u32::MAX.into()));
     assert!(refused(&|bad| bad["videos"][0]["frames"] = u32::MAX.into()));

@@ -1,7 +1,10 @@
 //! A policy of one's own: it turns the reacher's arm to one side for five agent steps, then to the other. Its return is printed beside a random
 //! policy's, and its actions as a JSON list that `vibes-collect --policy actions:FILE` records.
 //!
-//! `cargo run -p vibes-env --example custom_policy > actions.json`
+//! ```text
+//! cargo run -p vibes-env --example custom_policy > actions.json
+//! vibes-collect --task reacher-easy --policy actions:actions.json --steps 100 --episodes 1
+//! ```
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "an example says what it did")]
 
 use rand::RngCore;

@@ -69,6 +69,18 @@ impl Environment {
         }
     }
 
+    /// An action as it is executed and as a recording keeps it: within its bounds, where the actuators would cut it anyway, and in single precision, so that what is
+    /// stored simulates again exactly.
+    pub fn executable(&self, action: &[f64]) -> Vec<f64> {
+        let ActionSpec { min, max } = self.action_spec();
+        let within = |(at, &number): (usize, &f64)| match (min.get(at), max.get(at)) {
+            (Some(&low), Some(&high)) => number.clamp(low, high),
+            // A number too many is for the step to refuse.
+            _ => number,
+        };
+        action.iter().enumerate().map(within).map(|number| f64::from(number as f32)).collect()
+    }
+
     /// Whether an action is the parameters of a travelling wave, as the swimmer's are unless torques were asked for.
     pub fn acts_by_waves(&self) -> bool {
         matches!(self.actuation, Actuation::Sinusoid(_))

@@ -112,6 +112,19 @@ impl PolicySpec {
     }
 }
 
+impl PolicySpec {
+    /// That what can be known before the first step is right: a file of actions has enough of them, each of the right length.
+    ///
+    /// # Errors
+    /// The file cannot be read, or does not fit.
+    pub fn check(&self, steps: u32, action_len: usize) -> Result<()> {
+        match self {
+            Self::Actions { path } => Replay::read(path)?.check(steps, action_len),
+            Self::Random | Self::Planner { .. } | Self::Run { .. } => Ok(()),
+        }
+    }
+}
+
 /// A folder's name with a slash in it, by which a run differs from the name of a policy.
 fn as_folder(path: PathBuf) -> PathBuf {
     if path.components().count() > 1 || path.is_absolute() { path } else { Path::new(".").join(path) }

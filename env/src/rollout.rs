@@ -74,11 +74,6 @@ impl EpisodeSeeds {
     }
 }
 
-/// An action as a recording keeps it, in single precision: what is executed is what is stored, so that a recording simulates again exactly.
-fn as_recorded(action: Vec<f64>) -> Vec<f64> {
-    action.into_iter().map(|number| f64::from(number as f32)).collect()
-}
-
 /// Rolls a policy through an episode of at most `steps` agent steps. A picture is drawn at every row where the policy chooses an action, and only
 /// for a policy that asks for pictures ([`Policy::pictures`]); `eyes` must draw them in that size and look.
 ///
@@ -105,7 +100,8 @@ pub fn rollout(eyes: &mut Eyes, policy: &mut dyn Policy, steps: u32, seeds: Epis
     };
     trajectory.push_row(eyes);
     for _ in 0..steps {
-        let action = as_recorded(policy.act(&eyes.sight(wanted.is_some())?, &mut choices)?);
+        let action = policy.act(&eyes.sight(wanted.is_some())?, &mut choices)?;
+        let action = eyes.environment().executable(&action);
         trajectory.rewards.push(eyes.step(&action)?);
         trajectory.actions.push(action);
         trajectory.push_row(eyes);

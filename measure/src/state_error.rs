@@ -8,26 +8,28 @@ use serde::Serialize;
 
 use crate::Table;
 use crate::intervals::Interval;
-use crate::neighbours::Neighbours;
+use crate::neighbours::{Exclude, Neighbours};
 
 /// How far apart states are, in standard deviations a dimension (root mean square over dimensions).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct StateError {
     /// Query and neighbour.
     pub neighbours: Interval,
-    /// Query and a random row of another trajectory.
+    /// Query and a random row among those that could have been its neighbours.
     pub random: Interval,
     /// The first over the second: 0 if neighbours share the state, 1 if the latent says nothing about it.
     pub ratio: Interval,
 }
 
-/// Measures the error of `states` `[rows, size]` (each dimension divided by its standard deviation, constant ones left out) over the neighbours.
-/// None if no dimension varies, there are no queries, or all rows are of one trajectory.
+/// Measures the error of `states` `[rows, size]` (each dimension divided by its standard deviation, constant ones left out) over the neighbours, which were looked for
+/// under `exclude`; random rows are drawn under it too, so that latents of noise come to a ratio of 1. None if no dimension varies, there are no queries, or a query has
+/// no row to be compared with.
 pub fn state_error(
     table: &Table<'_>,
     states: &[f64],
     queries: &[usize],
     found: &Neighbours,
+    exclude: Exclude<'_>,
     rng: &mut impl Rng,
 ) -> Option<StateError> {
     let states = standardized(states, table.rows())?;
@@ -35,8 +37,16 @@ pub fn state_error(
         let square: f64 = states.iter().map(|dim| (dim[a] - dim[b]).powi(2)).sum();
         (square / states.len() as f64).sqrt()
     };
-    let episode = table.episode();
-    if queries.is_empty() || episode.iter().all(|e| *e == episode[0]) {
+    let alone: Vec<u32>;
+    let label = match exclude {
+        Exclude::Trajectory => table.episode(),
+        Exclude::Group(labels) => labels,
+        Exclude::Itself => {
+            alone = (0..table.rows() as u32).collect();
+            &alone
+        }
+    };
+    if queries.is_empty() || label.iter().all(|of_row| *of_row == label[0]) {
         return None;
     }
     let mean = |distances: &mut dyn Iterator<Item = f64>| distances.sum::<f64>() / found.k() as f64;
@@ -50,7 +60,7 @@ pub fn state_error(
         .map(|&row| {
             let mut other = || loop {
                 let drawn = rng.random_range(0..table.rows());
-                if episode[drawn] != episode[row] {
+                if label[drawn] != label[row] {
                     break drawn;
                 }
             };
@@ -84,7 +94,7 @@ mod tests {
     use rand_chacha::rand_core::SeedableRng;
 
     use super::*;
-    use crate::neighbours::{Exclude, Metric, Space, nearest};
+    use crate::neighbours::{Metric, Space, nearest};
 
     #[test]
     fn neighbours_in_the_state_itself_have_little_error_and_in_noise_as_much_as_random_rows() {
@@ -99,7 +109,8 @@ mod tests {
             let table = Table::new(2, latent, &episode, &step).expect("table");
             let space = Space::new(table, Metric::Standardized).expect("space");
             let found = nearest(&space, &queries, 5, Exclude::Trajectory).expect("neighbours");
-            state_error(&table, &states, &queries, &found, &mut ChaCha8Rng::seed_from_u64(1)).expect("error")
+            state_error(&table, &states, &queries, &found, Exclude::Trajectory, &mut ChaCha8Rng::seed_from_u64(1))
+                .expect("error")
         };
         let (same, other) = (error(&state), error(&noise));
         assert!(same.ratio.high < 0.15, "{same:?}");
@@ -107,8 +118,29 @@ mod tests {
         let table = Table::new(2, &noise, &episode, &step).expect("table");
         let space = Space::new(table, Metric::Standardized).expect("space");
         let found = nearest(&space, &queries, 5, Exclude::Trajectory).expect("neighbours");
-        assert!(
-            state_error(&table, &vec![3.0; rows * 2], &queries, &found, &mut ChaCha8Rng::seed_from_u64(1)).is_none()
-        );
+        let constant = vec![3.0; rows * 2];
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        assert!(state_error(&table, &constant, &queries, &found, Exclude::Trajectory, &mut rng).is_none());
+    }
+
+    #[test]
+    fn noise_comes_to_one_whatever_its_neighbours_leave_out() {
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
+        // Two states under six distractors: the cells of a state agree in it.
+        let (cells, steps) = (12, 40);
+        let noise: Vec<f32> = (0..cells * steps * 2).map(|_| rng.random_range(-1.0f32..1.0)).collect();
+        let (episode, step): (Vec<u32>, Vec<u32>) =
+            (0..cells * steps).map(|r| ((r / steps) as u32, (r % steps) as u32)).unzip();
+        let state: Vec<u32> = episode.iter().map(|cell| cell / 6).collect();
+        let states: Vec<f64> =
+            state.iter().map(|&state| 10.0 * f64::from(state)).zip(&step).map(|(s, &t)| s + f64::from(t)).collect();
+        let table = Table::new(2, &noise, &episode, &step).expect("table");
+        let space = Space::new(table, Metric::Standardized).expect("space");
+        let queries: Vec<usize> = (0..96).map(|i| i * 5).collect();
+        for exclude in [Exclude::Itself, Exclude::Trajectory, Exclude::Group(&state)] {
+            let found = nearest(&space, &queries, 5, exclude).expect("neighbours");
+            let error = state_error(&table, &states, &queries, &found, exclude, &mut rng).expect("error");
+            assert!((error.ratio.estimate - 1.0).abs() < 0.1, "{error:?} without {exclude:?}");
+        }
     }
 }

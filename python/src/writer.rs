@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use numpy::{Element, PyReadonlyArrayDyn};
+use numpy::{Element, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::json;
@@ -94,17 +94,19 @@ impl Writer {
         }
         let mut episode = Episode { index, cell, is_terminal, ..Episode::default() };
         let column = |name: &str| columns.get_item(name).map(|found| found.filter(|found| !found.is_none()));
-        episode.actions = numbers(column("action")?)?;
-        episode.rewards = numbers(column("reward")?)?;
+        let spec = &self.spec;
+        let picture = spec.pixels.map_or(vec![0], |size| vec![size.height as usize, size.width as usize, 3]);
+        episode.actions = numbers("action", column("action")?, &[spec.action_len()])?;
+        episode.rewards = numbers("reward", column("reward")?, &[])?;
         episode.discounts = match column("discount")? {
-            Some(given) => numbers(Some(given))?,
-            None => vec![1.0; episode.rewards.len()],
+            Some(given) => numbers("discount", Some(given), &[])?,
+            None => discounts(episode.rewards.len(), is_terminal),
         };
-        episode.observations = numbers(column("observation")?)?;
-        episode.qpos = numbers(column("qpos")?)?;
-        episode.qvel = numbers(column("qvel")?)?;
-        episode.pixels = numbers(column("pixels")?)?;
-        episode.colors = numbers(column("colors")?)?;
+        episode.observations = numbers("observation", column("observation")?, &[spec.observation_len()])?;
+        episode.qpos = numbers("qpos", column("qpos")?, &[spec.qpos])?;
+        episode.qvel = numbers("qvel", column("qvel")?, &[spec.qvel])?;
+        episode.pixels = numbers("pixels", column("pixels")?, &picture)?;
+        episode.colors = numbers("colors", column("colors")?, &[spec.materials.len(), 3])?;
         episode.cameras = vec![CameraPose::default(); episode.rows()];
         episode.backgrounds = vec![None; episode.rows()];
         let info = EpisodeInfo { policy, seed, model_overrides: serde_json::Value::Null };
@@ -162,10 +164,25 @@ impl Writer {
     }
 }
 
-/// A contiguous array's numbers; none without an array.
-fn numbers<T: Element + Copy>(array: Option<Bound<'_, PyAny>>) -> PyResult<Vec<T>> {
+/// Discounts of so many steps where none are given: what comes after the end of the task is worth nothing.
+fn discounts(steps: usize, is_terminal: bool) -> Vec<f32> {
+    let mut discounts = vec![1.0; steps];
+    if let (true, Some(last)) = (is_terminal, discounts.last_mut()) {
+        *last = 0.0;
+    }
+    discounts
+}
+
+/// The numbers of an array `[rows, …]` whose rows have this shape; none without an array. A row of one number may be a number.
+fn numbers<T: Element + Copy>(name: &str, array: Option<Bound<'_, PyAny>>, row: &[usize]) -> PyResult<Vec<T>> {
     let Some(array) = array else { return Ok(Vec::new()) };
     let array: PyReadonlyArrayDyn<'_, T> = array.extract()?;
+    let found = array.shape();
+    if !matches!(found.split_first(), Some((_, rest)) if rest == row || row == [1] && rest.is_empty() || row.is_empty() && rest == [1])
+    {
+        let row: String = row.iter().map(|size| format!(", {size}")).collect();
+        return Err(refused(format!("{name} of shape {found:?}; right is [rows{row}]")));
+    }
     Ok(match array.as_slice() {
         Ok(slice) => slice.to_vec(),
         Err(_) => array.as_array().iter().copied().collect(),

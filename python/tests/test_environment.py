@@ -206,6 +206,9 @@ def test_errors_name_what_would_be_right():
     with pytest.raises(vibes.Error, match=r"action\[1\] is NaN"):
         env.step([0, np.nan])
     env.step([0, 0])
+    for options in ({"distractor": 5}, {"episode": 12, "state": 3}):
+        with pytest.raises(vibes.Error, match="an episode alone"):
+            env.reset(options=options)
     env.close()
     env.close()
     with pytest.raises(vibes.Error, match="closed"):

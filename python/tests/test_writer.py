@@ -155,6 +155,30 @@ def test_episodes_of_anything_can_be_written(tmp_path):
     assert recording.windows(length=3, batch=2)[0]["pixels"].shape == (2, 3, 8, 8, 3)
 
 
+def test_a_policy_may_write_all_its_actions_into_one_array(tmp_path):
+    env = vibes.make("reacher-easy", size=16, action_repeat=250, seed=6, observation="state")
+    rng, out = np.random.default_rng(0), np.zeros(2, np.float32)
+
+    def policy(_observation):
+        out[:] = rng.uniform(-1, 1, 2)
+        return out
+
+    with vibes.Writer(tmp_path / "grid", env, grid=(1, 2)) as writer:
+        writer.record(policy)
+    first, second = vibes.open(tmp_path / "grid")
+    assert len({tuple(action) for action in first.action}) == 4
+    np.testing.assert_array_equal(first.action, second.action)
+
+
+def test_what_comes_after_a_terminal_row_is_worth_nothing(tmp_path):
+    columns = {"action": np.zeros((3, 2)), "reward": np.ones(3), "observation": np.zeros((4, 3)), "pixels": np.zeros((4, 8, 8, 3), np.uint8)}
+    with vibes.Writer(tmp_path / "foreign", spec=spec()) as writer:
+        writer.write(**columns, is_terminal=True)
+        writer.write(**columns)
+    ended, cut = vibes.open(tmp_path / "foreign")
+    assert list(ended.discount) == [1, 1, 0] and list(cut.discount) == [1, 1, 1]
+
+
 def test_wrong_episodes_are_refused_and_leave_nothing(tmp_path):
     good = {"action": np.zeros((5, 2)), "reward": np.zeros(5), "observation": np.zeros((6, 3)), "pixels": np.zeros((6, 8, 8, 3), np.uint8)}
     with vibes.Writer(tmp_path / "foreign", spec=spec()) as writer:
@@ -164,6 +188,8 @@ def test_wrong_episodes_are_refused_and_leave_nothing(tmp_path):
             ({"pixels": np.zeros((6, 8, 8, 3))}, "uint8"),
             ({"observation": np.zeros((5, 3))}, "observation"),
             ({"sound": np.zeros(5)}, "known are"),
+            ({"action": np.zeros((2, 5))}, r"right is \[rows, 2\]"),
+            ({"pixels": np.zeros((6, 3, 8, 8), np.uint8)}, r"right is \[rows, 8, 8, 3\]"),
         ]
         for change, words in wrong:
             with pytest.raises(vibes.Error, match=words):
@@ -172,7 +198,7 @@ def test_wrong_episodes_are_refused_and_leave_nothing(tmp_path):
         with pytest.raises(vibes.Error, match="there already"):
             writer.write(**good, index=0)
     assert vibes.open(tmp_path / "foreign").indices == [0]
-    for wrong, words in [({"size": 0}, "picture side"), ({"action_low": []}, "bounds"), ({"pixels": 3}, "known are"), ({"control_timestep": -1}, "timestep")]:
+    for wrong, words in [({"size": 0}, "picture side"), ({"action_low": []}, "bounds"), ({"pixels": 3}, "known are"), ({"control_timestep": -1}, "timestep"), ({"action_low": [-np.inf, -1]}, "bounds")]:
         with pytest.raises(vibes.Error, match=words):
             vibes.Writer(tmp_path / "wrong", spec=spec(**wrong))
     with pytest.raises(vibes.Error, match="give one of the two"):

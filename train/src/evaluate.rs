@@ -105,6 +105,20 @@ pub fn evaluate(
     Ok(Report { numbers, quantities: probes.about, fitted_on, left_out: probes.left_out, grid: size })
 }
 
+/// That latents of this encoder can be evaluated on a recording: to be known before anything is computed.
+///
+/// # Errors
+/// The recording does not fit the encoder, or is no grid.
+pub fn check_grid(encoder: TrainedEncoder<'_>, grid: &Recording) -> Result<()> {
+    check_fit(encoder, grid)?;
+    let rows = Rows::of(std::slice::from_ref(grid), usize::MAX)?;
+    if rows.is_empty() {
+        return Err(no_grid("no episodes", grid));
+    }
+    Grid::of_complete_part(rows.table(&rows.past_actions())?).map_err(|error| refused(error, grid))?;
+    Ok(())
+}
+
 fn no_grid(found: &str, recording: &Recording) -> TrainError {
     TrainError::OtherRecording {
         found: found.to_owned(),
@@ -162,13 +176,18 @@ impl Probes {
     }
 }
 
-/// The numbers of the grid's latents, beside those of past actions, and how much of it is whole.
-fn grid_of(judged: &Rows, latents: &Features, recording: &Recording, seed: u64) -> Result<(Numbers, GridSize)> {
-    let refuse = |error: vibes_measure::Error| match error {
+/// What is wrong with a grid.
+fn refused(error: vibes_measure::Error, recording: &Recording) -> TrainError {
+    match error {
         vibes_measure::Error::NoGrid => no_grid("episodes without cells", recording),
         vibes_measure::Error::TooFewRows { .. } => no_grid("too few of them", recording),
         other => TrainError::Measure(other),
-    };
+    }
+}
+
+/// The numbers of the grid's latents, beside those of past actions, and how much of it is whole.
+fn grid_of(judged: &Rows, latents: &Features, recording: &Recording, seed: u64) -> Result<(Numbers, GridSize)> {
+    let refuse = |error| refused(error, recording);
     let actions = judged.past_actions();
     let grid = Grid::of_complete_part(judged.table(latents)?).map_err(refuse)?;
     let control = Grid::of_complete_part(judged.table(&actions)?).map_err(refuse)?;

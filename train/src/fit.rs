@@ -6,7 +6,7 @@ use serde::Serialize;
 use vibes_data::{Recording, WindowBatch};
 
 use crate::error::Result;
-use crate::evaluate::{EvaluateOptions, GapOptions, Gaps, Report, evaluate, gaps};
+use crate::evaluate::{EvaluateOptions, GapOptions, Gaps, Report, check_grid, evaluate, gaps};
 use crate::learners::world::Learner;
 use crate::metrics::Row;
 use crate::options::Options;
@@ -116,6 +116,10 @@ pub fn fit(
     if state.update >= options.updates || out_of_time(options, state.seconds) {
         return Ok(End::Nothing);
     }
+    if let Some(held_out) = held_out {
+        // Before the first update: a grid that cannot be evaluated on.
+        check_grid((&learner.model).into(), &held_out.grid)?;
+    }
     listen(Event::Start { update: state.update });
     let session = Session::open(run, device, state, held_out.is_some())?;
     std::thread::scope(|scope| {
@@ -150,7 +154,11 @@ impl Training<'_> {
                 self.session.log(&row)?;
                 go = listen(Event::Metrics(&row));
             }
-            self.evaluate(&learner, end.is_some(), listen)?;
+            if let Err(error) = self.evaluate(&learner, end.is_some(), listen) {
+                // What was learned is kept, whatever is wrong with the grid.
+                self.session.save(&learner, |_folder| Ok(()))?;
+                return Err(error);
+            }
             let end = end.or_else(|| self.end(go));
             if update.is_multiple_of(self.options.checkpoint_every) || end.is_some() {
                 self.session.save(&learner, |_folder| Ok(()))?;

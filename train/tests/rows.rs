@@ -21,7 +21,7 @@ fn a_recording_drawn_again_has_no_trajectories_of_its_own() {
     // Coins are tossed in the same order everywhere: the same episodes, and other ones where they are longer.
     let made = |name: &str, steps, grid| recording(&folder.path().join(name), SIDE, 6, steps, grid);
     let (first, again, other) = (made("first", 30, false), made("again", 30, false), made("other", 31, false));
-    assert_eq!(trajectories(&[first.clone()]), 6);
+    assert_eq!(trajectories(std::slice::from_ref(&first)), 6);
     assert_eq!(trajectories(&[first.clone(), again.clone()]), 6);
     assert_eq!(trajectories(&[first.clone(), other.clone()]), 12);
     assert_eq!(trajectories(&[first, again, other]), 12);

@@ -1,6 +1,6 @@
 //! `compare`: two or more tables of latents of the same recording side by side, as from several objectives or checkpoints.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
@@ -111,18 +111,23 @@ fn same_rows(sessions: &[Session]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A short name for a table: its folder's, unless two are the same.
+/// A short name for a table: its folder's; where two are the same its file's too, and as many folders more as it takes.
 fn names(sessions: &[Session], one: &Session) -> String {
-    let folder = |s: &Session| {
-        let whole = std::path::absolute(&s.path).unwrap_or_else(|_e| s.path.clone());
-        whole.parent().and_then(Path::file_name).map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+    let parts = |session: &Session| -> Vec<String> {
+        let whole = std::path::absolute(&session.path).unwrap_or_else(|_e| session.path.clone()).with_extension("");
+        whole.iter().map(|part| part.to_string_lossy().into_owned()).collect()
     };
-    let stem = one.path.file_stem().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    if sessions.iter().filter(|s| folder(s) == folder(one)).count() > 1 {
-        format!("{}/{stem}", folder(one))
-    } else {
-        folder(one)
+    let mine = parts(one);
+    let folder = |parts: &[String]| parts.iter().rev().nth(1).cloned().unwrap_or_default();
+    let is_alone = |name: &dyn Fn(&[String]) -> String| {
+        sessions.iter().filter(|session| name(&parts(session)) == name(&mine)).count() <= 1
+    };
+    if is_alone(&folder) {
+        return folder(&mine);
     }
+    let last = |parts: &[String], count: usize| parts[parts.len().saturating_sub(count)..].join("/");
+    let enough = (2..=mine.len()).find(|&count| is_alone(&|parts| last(parts, count)));
+    last(&mine, enough.unwrap_or(mine.len()))
 }
 
 fn measure(session: &mut Session, name: &str) -> anyhow::Result<Row> {

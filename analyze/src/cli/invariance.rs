@@ -26,7 +26,7 @@ pub(super) struct Options {
     /// A neighbour of the same state trajectory counts if it is at most this many steps away.
     #[arg(long, default_value_t = 2)]
     tolerance: u32,
-    /// Most rows the retrievals ask for.
+    /// Most rows that `retrieval_any_step` asks about; `retrieval_same_step` asks about every cell and step.
     #[arg(long, default_value_t = 2000)]
     queries: usize,
 }

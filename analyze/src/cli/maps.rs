@@ -167,7 +167,10 @@ impl MapOptions {
             Method::Pca => &["neighbours", "min_dist", "spread", "epochs", "perplexity", "fit_rows"],
         };
         match self.given.first_of(others.iter().copied()) {
-            Some(option) => Err(wrong(format!("{option} has no effect on a {} map; leave it out", self.method.name()))),
+            Some(option) => {
+                let name = if self.method == Method::Pca { "PCA" } else { self.method.name() };
+                Err(wrong(format!("{option} has no effect on a {name} map; leave it out")))
+            }
             None => Ok(()),
         }
     }

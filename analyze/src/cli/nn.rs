@@ -87,6 +87,9 @@ struct Query {
     distance: Vec<f64>,
 }
 
+/// Queries on the sheet, at most; more make no picture that anybody looks at, but narrower intervals.
+const SHOWN: usize = 40;
+
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
     let given = json!({
         "queries": options.queries, "rows": options.rows.iter().map(|r| [r.episode, r.step]).collect::<Vec<_>>(), "k": options.k,
@@ -110,7 +113,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     if !constant.is_empty() {
         session.remark(format!("latent dimensions {constant:?} are constant and were left out of the distance"));
     }
-    let error = frames.as_ref().and_then(|frames| state_error_of(&session, frames, &queries, &found));
+    let error = frames.as_ref().and_then(|frames| state_error_of(&session, frames, &queries, (&found, exclude)));
     write_numbers(options, excluded, &mut session, &queries, &found, error)?;
     let line = draw(options, &mut session, frames.as_ref(), &queries, &found)?;
     let error = error.map_or_else(String::new, |e| {
@@ -120,9 +123,14 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
 }
 
 /// How far the neighbours' task state is from the query's; none if the recording's observations do not vary.
-fn state_error_of(session: &Session, frames: &Frames, queries: &[usize], found: &Neighbours) -> Option<StateError> {
+fn state_error_of(
+    session: &Session,
+    frames: &Frames,
+    queries: &[usize],
+    (found, exclude): (&Neighbours, Exclude<'_>),
+) -> Option<StateError> {
     let states = frames.task_state(&session.latents);
-    state_error(&session.table().ok()?, &states, queries, found, &mut session.rng())
+    state_error(&session.table().ok()?, &states, queries, found, exclude, &mut session.rng())
 }
 
 /// The rows to query, by index: those named, or drawn.
@@ -261,6 +269,10 @@ fn draw(
         session.remark("the recording holds no pictures, so there are numbers and no sheet");
         return Ok(line);
     }
+    if queries.len() > SHOWN {
+        session
+            .remark(format!("the sheet shows the first {SHOWN} of {} queries; the numbers are of all", queries.len()));
+    }
     let goal = goal(session);
     let latents = &session.latents;
     let thumb = |row: usize| {
@@ -275,6 +287,7 @@ fn draw(
         |q: usize| found.rows(q).iter().zip(found.distances(q)).map(|(&row, &d)| (thumb(row as usize), d)).collect();
     let columns: Vec<SheetColumn> = queries
         .iter()
+        .take(SHOWN)
         .enumerate()
         .map(|(q, &row)| SheetColumn { query: thumb(row), remark: remark(row), neighbours: neighbours(q) })
         .collect();

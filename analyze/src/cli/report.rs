@@ -53,6 +53,9 @@ pub(super) struct Options {
 }
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
+    if options.points == 0 {
+        return Err(super::wrong("--points is 0, at least 1 is needed"));
+    }
     let inputs: Vec<Option<&Path>> =
         if options.runs.is_empty() { vec![None] } else { options.runs.iter().map(|r| Some(r.as_path())).collect() };
     let mut page = Page { note: options.note.clone(), ..Page::default() };

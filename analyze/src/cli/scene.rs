@@ -47,6 +47,9 @@ pub(super) struct Options {
 }
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
+    if options.max_rows == 0 {
+        return Err(wrong("--max-rows is 0, at least 1 is needed"));
+    }
     let run = options.input.folder();
     let lived = run.filter(|run| run.join("replay/manifest.json").is_file());
     match lived {

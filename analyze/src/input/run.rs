@@ -71,6 +71,8 @@ impl Run {
         let clock = clock.unwrap_or("update").to_string();
         let mut run = Self { path: path.into(), name, info, clock, series, broken_lines: metrics.broken };
         run.add_held_out(&folder, &metrics)?;
+        // Single checkpoints are evaluated in any order.
+        run.series.values_mut().for_each(|series| series.sort_by(|a, b| a.0.total_cmp(&b.0)));
         Ok(run)
     }
 
@@ -123,10 +125,11 @@ impl Run {
         self.series.get_key_value(metric).or_else(of_grid).map(|(name, _)| name.as_str())
     }
 
-    /// Where a metric ended: the mean of its last tenth, at least one value.
+    /// Where a metric ended: the mean of its last tenth, at least one value. Of two of one name it is the number of the held-out grid, not of the batches.
     #[must_use]
     pub fn final_value(&self, metric: &str) -> Option<f64> {
-        let series = self.series.get(self.full_name(metric)?).filter(|series| !series.is_empty())?;
+        let of_grid = self.series.get(&format!("{NUMBERS}{metric}{ESTIMATE}"));
+        let series = of_grid.or_else(|| self.series.get(metric)).filter(|series| !series.is_empty())?;
         let count = (series.len() / 10).max(1);
         Some(series[series.len() - count..].iter().map(|point| point.1).sum::<f64>() / count as f64)
     }

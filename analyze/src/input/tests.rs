@@ -90,6 +90,17 @@ fn rows_are_chosen_by_their_own_and_by_joined_columns() {
 }
 
 #[test]
+fn a_column_whose_first_value_is_a_whole_number_may_hold_fractions() {
+    let dir = tempfile::tempdir().expect("folder");
+    let path = dir.path().join("latents.csv");
+    std::fs::write(&path, "episode,step,latent_0,height\n0,0,0,1\n0,1,0.25,2.5\n0,2,1,3\n").expect("file");
+    let asked = Asked { columns: vec!["height".into()], ..Asked::default() };
+    let read = read_asked(&path, &asked).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(read.latents.latent, [0.0, 0.25, 1.0]);
+    assert_eq!(read.columns[0].1, UserColumn::Numbers(vec![1.0, 2.5, 3.0]));
+}
+
+#[test]
 fn what_is_used_and_of_a_wrong_type_is_named_and_what_is_unused_is_not() {
     let path = |name: &str| tables().into_iter().find(|p| p.ends_with(name)).expect("table");
     let ask = |file: &str, column: &str| {

@@ -16,9 +16,9 @@ use vibes_data::{
 };
 
 use super::NewFolder;
-use super::select::SUBSET;
 use crate::error::{Error, Result};
 use crate::paths::rebase;
+use crate::plan::SUBSET;
 
 /// The key of the options under which a merged recording says what it was made of.
 const MERGED: &str = "merged";

@@ -11,9 +11,7 @@ use vibes_data::{EpisodeEntry, FileTransfer, Manifest, Recording, RecordingWrite
 use super::NewFolder;
 use crate::error::{Error, Result};
 use crate::paths::rebase;
-
-/// The key of the options under which a part says what it is a part of.
-pub(crate) const SUBSET: &str = "subset";
+use crate::plan::SUBSET;
 
 /// Which episodes are kept: those that pass every test that is given.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -30,7 +30,7 @@ pub(super) struct ImportArgs {
     #[arg(long)]
     task: Option<String>,
     /// Seconds of a control step, which datasets do not name [default: 1].
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = seconds)]
     control_timestep: Option<f64>,
     /// Control steps a row [default: 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
@@ -70,4 +70,10 @@ pub(super) fn run(args: &ImportArgs, output: OutputArgs) -> Result<Outcome> {
         }
     }
     Ok(Outcome::Done)
+}
+
+/// A time above 0.
+fn seconds(text: &str) -> Result<f64, String> {
+    let found = text.parse::<f64>().ok().filter(|seconds| seconds.is_finite() && *seconds > 0.0);
+    found.ok_or_else(|| "seconds are a finite number above 0".to_owned())
 }

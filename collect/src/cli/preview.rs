@@ -49,6 +49,10 @@ pub(super) fn run(args: &PreviewArgs, output: OutputArgs) -> Result<Outcome> {
     let difficulties = if args.difficulty.is_empty() { Difficulty::ALL.to_vec() } else { args.difficulty.clone() };
     let pictures = RenderSettings { size: usize::from(args.size), look: args.render };
     let source = args.videos.clone().map_or(VideoSource::Procedural, VideoSource::Folder);
+    for task in &tasks {
+        // Before there is a folder.
+        vibes_env::Environment::new(task, vibes_env::EnvironmentOptions::default())?;
+    }
     std::fs::create_dir_all(&args.output).with_context(|| format!("cannot make {}", args.output.display()))?;
     let mut sheets = Vec::new();
     for difficulty in difficulties {

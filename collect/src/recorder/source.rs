@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use vibes_data::{Episode, EpisodeEntry, EpisodeInfo, Recording, Video};
 
-use crate::plan::{PlannedEpisode, RecordOptions};
+use crate::plan::{PlannedEpisode, RecordOptions, SUBSET};
 use crate::stored::{Acted, distractors_of, info_of, is_intact, states_of};
 use crate::{Error, Result};
 use vibes_env::distractors::DistractorTrajectory;
@@ -32,6 +32,11 @@ impl<'a> Source<'a> {
             Self::Simulation => None,
             Self::Grid(recording) | Self::Episodes(recording) | Self::States(recording) => Some(recording),
         }
+    }
+
+    /// What part of another recording is drawn again, where it is a part: still one, which growing must not fill in.
+    pub(super) fn subset(self) -> Option<&'a serde_json::Value> {
+        self.recording().and_then(|recording| recording.manifest().options.get(SUBSET))
     }
 
     /// The episodes to be made: what the options ask for, or what the recording to be drawn again holds.

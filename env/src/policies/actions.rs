@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use rand::RngCore;
-use serde::Deserialize;
+use serde_json::Value;
 
 use super::{Policy, Sight};
 use crate::{Error, Result, Start};
@@ -16,14 +16,6 @@ pub struct Replay {
     next: usize,
 }
 
-/// A bare list of rows, or anything with a list of `actions`, such as a trace.
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum File {
-    Rows(Vec<Vec<f64>>),
-    Trace { actions: Vec<Vec<f64>> },
-}
-
 impl Replay {
     /// Reads the rows of a file.
     ///
@@ -32,10 +24,33 @@ impl Replay {
     pub fn read(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
         let expected = "actions are a JSON list of rows of numbers, or an object with such a list as its actions";
-        let file: File =
-            serde_json::from_str(&text).map_err(|error| Error::malformed(path, error.to_string(), expected))?;
-        let (File::Rows(rows) | File::Trace { actions: rows }) = file;
+        let wrong = |fact: String| Error::malformed(path, fact, expected);
+        let file: Value = serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
+        let rows = file.as_array().or_else(|| file.get("actions").and_then(Value::as_array));
+        let rows = rows.ok_or_else(|| wrong("neither a list nor an object with one".to_owned()))?;
+        let rows = rows.iter().enumerate().map(|(at, row)| numbers(at, row).map_err(wrong)).collect::<Result<_>>()?;
         Ok(Self { path: path.to_owned(), rows, next: 0 })
+    }
+
+    /// That there are enough rows for an episode of so many steps, and that every one of them is an action of so many numbers.
+    ///
+    /// # Errors
+    /// There are too few, or one is of another length.
+    pub fn check(&self, steps: u32, action_len: usize) -> Result<()> {
+        if self.rows.len() < steps as usize {
+            let fact = format!("there are {} rows of actions", self.rows.len());
+            let expected = format!("an episode of {steps} steps needs as many; --steps asks for fewer");
+            return Err(Error::malformed(&self.path, fact, expected));
+        }
+        match self.rows.iter().position(|row| row.len() != action_len) {
+            Some(at) => Err(self.of_another_length(at, action_len)),
+            None => Ok(()),
+        }
+    }
+
+    fn of_another_length(&self, at: usize, action_len: usize) -> Error {
+        let fact = format!("row {at} has {} numbers", self.rows[at].len());
+        Error::malformed(&self.path, fact, format!("an action of the task has {action_len}"))
     }
 }
 
@@ -51,22 +66,19 @@ impl Policy for Replay {
         let environment = sight.environment;
         let Some(row) = self.rows.get(self.next) else {
             let fact = format!("there are {} rows of actions", self.rows.len());
-            let expected = format!(
-                "an episode of {} needs {}, or ask for fewer steps",
-                environment.name(),
-                environment.episode_steps()
-            );
-            return Err(Error::malformed(&self.path, fact, expected));
+            return Err(Error::malformed(&self.path, fact, "one for every step of the episode"));
         };
         if row.len() != environment.action_len() {
-            let fact = format!("row {} has {} numbers", self.next, row.len());
-            return Err(Error::malformed(
-                &self.path,
-                fact,
-                format!("an action of {} has {}", environment.name(), environment.action_len()),
-            ));
+            return Err(self.of_another_length(self.next, environment.action_len()));
         }
         self.next += 1;
         Ok(row.clone())
     }
+}
+
+/// The numbers of a row, or what is wrong with it.
+fn numbers(at: usize, row: &Value) -> std::result::Result<Vec<f64>, String> {
+    let numbers = row.as_array().ok_or_else(|| format!("row {at} is {row}"))?;
+    let number = |number: &Value| number.as_f64().ok_or_else(|| format!("row {at} has {number} among its numbers"));
+    numbers.iter().map(number).collect()
 }

@@ -63,6 +63,8 @@ class Environment(gymnasium.Env[Any, Any]):
         """
         super().reset(seed=None if seed is None else checked_seed(seed))
         options = options or {}
+        if "distractor" in options and "state" not in options or "episode" in options and "state" in options:
+            raise _vibes.Error(f"reset options {sorted(options)}; right is an episode alone, or a state with or without its distractor")
         if unknown := set(options) - {"episode", "state", "distractor"}:
             raise _vibes.Error(f"unknown reset options {sorted(map(str, unknown))}; known are episode, state, distractor")
         if seed is not None:
@@ -77,7 +79,7 @@ class Environment(gymnasium.Env[Any, Any]):
         return self._observation(rows), {"episode_number": int(self.world.episodes[0])}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One agent step: the action ``[action]`` is held for the action repeat.
+        """One agent step: the action ``[action]``, cut to its bounds, is held for the action repeat.
 
         Returns:
             The observation, the reward summed over the repeat, terminated (never), truncated (after 1000 control steps), ``{}``.

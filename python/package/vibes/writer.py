@@ -131,7 +131,7 @@ class Writer:
         """Writes one whole episode of T actions; returns its number.
 
         Args:
-            action: ``[T, action]``. reward: ``[T]``. discount: ``[T]``, ones unless given.
+            action: ``[T, action]``. reward: ``[T]``. discount: ``[T]``; unless given ones, and 0 for the last step before a terminal row.
             observation: ``[T + 1, observation]``. pixels: uint8 ``[T + 1, size, size, 3]``. qpos, qvel: ``[T + 1, …]``. Those that the spec names.
             is_terminal: whether the last row is worth 0 from there.
             policy: what acted, for the manifest.
@@ -140,7 +140,7 @@ class Writer:
             cell: state and distractor trajectory, in a grid, in place of the number.
 
         Raises:
-            vibes.Error: a column of another length, or a reward that is not finite; nothing is written then.
+            vibes.Error: a column of another shape or length, or a reward that is not finite; nothing is written then.
         """
         if cell is not None and (self._grid is None or index is not None):
             raise _vibes.Error("a cell is of a Writer with a grid, and stands in place of the index; give one of the two")
@@ -211,7 +211,8 @@ def played(env: Any, policy: Callable[[Any], ArrayLike], options: dict[str, int]
     total, is_over = 0.0, False
     actions: list[NDArray[np.float32]] = []
     while not is_over:
-        actions.append(np.asarray(policy(observation), np.float32))
+        # A copy, since a policy may write its next action into the same array.
+        actions.append(np.array(policy(observation), np.float32))
         observation, reward, terminated, truncated, _ = env.step(actions[-1])
         total, is_over = total + reward, terminated or truncated
     return float(total), actions

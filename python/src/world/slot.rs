@@ -76,13 +76,14 @@ impl Slot {
             self.playing = Some(playing);
             return Err(format!("action[{at}] is {}; actions are finite numbers", action[at]));
         }
-        // In single precision, as a recording keeps it.
-        let executed: Vec<f64> = action.iter().map(|&number| f64::from(number)).collect();
+        let asked: Vec<f64> = action.iter().map(|&number| f64::from(number)).collect();
+        let executed = self.eyes.environment().executable(&asked);
         let reward = self.eyes.step(&executed).map_err(|error| error.to_string())?;
         playing.step += 1;
         if let Some(kept) = &mut playing.kept {
             let next = self.eyes.frame().map_err(|error| error.to_string())?;
-            kept.step(action, reward as f32, 1.0, next);
+            let action: Vec<f32> = executed.iter().map(|&number| number as f32).collect();
+            kept.step(&action, reward as f32, 1.0, next);
         }
         if playing.step == self.steps {
             self.file(&mut playing)?;

@@ -55,11 +55,39 @@ impl EvaluateArgs {
     }
 }
 
+impl EvaluateArgs {
+    /// Updates of the gaps' critic: none without the run's recordings, which is an error where they were asked for.
+    fn affordable_gaps(
+        &self,
+        context: &Context,
+        run: &TrainedRun,
+        training: &vibes_train::Result<Vec<Recording>>,
+    ) -> Result<u64> {
+        let (Err(gone), true, TrainedRun::World(_)) = (training, self.gap_updates > 0, run) else {
+            return Ok(self.gap_updates);
+        };
+        if self.given.first_of(["gap_updates"]).is_some() {
+            anyhow::bail!("the gaps need the run's recordings; leave them out with --gap-updates 0: {gone}");
+        }
+        if !context.quiet && !context.json {
+            println!("without the gaps to a bisimulation, which need the run's recordings: {gone}");
+        }
+        Ok(0)
+    }
+}
+
 pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     let run = TrainedRun::open(&args.run)?;
     let training = run.open_recordings();
     args.check_given(&run, training.as_ref().is_ok_and(|found| !found.is_empty()))?;
     let grid = Recording::open(&args.grid)?;
+    let gap_updates = args.affordable_gaps(context, &run, &training)?;
+    let output = args.output.clone().unwrap_or_else(|| run.places().path().join("evaluation.json"));
+    let folder = output.parent().unwrap_or(Path::new(""));
+    if !folder.as_os_str().is_empty() && !folder.is_dir() {
+        // Before anything is computed.
+        anyhow::bail!(TrainError::Options(format!("-o names a folder that is not there: {}", folder.display())));
+    }
     let device = args.device.open()?;
     let (trained, checkpoint) = run.load(&device)?;
     let to_fit = match &training {
@@ -68,19 +96,16 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     };
     let options = EvaluateOptions { probe_episodes: args.probe_episodes, ..EvaluateOptions::default() };
     let report = evaluate(trained.encoder(), &grid, to_fit, options, &device)?;
-    let gaps = match (args.gap_updates, &run, &trained) {
+    let gaps = match (gap_updates, &run, &trained) {
         (updates @ 1.., TrainedRun::World(run), Trained::World(model)) => {
-            let training =
-                training.context("the gaps need the run's recordings; leave them out with --gap-updates 0")?;
+            let training = training?;
             Some(gaps(model, &training, &grid, GapOptions::like(&run.info().options, updates), &device)?)
         }
         _ => None,
     };
     let run = run.places();
-    let output = args.output.clone().unwrap_or_else(|| run.path().join("evaluation.json"));
-    let folder = output.parent().unwrap_or(Path::new(""));
     let place = |path: &Path| relative_place(path, folder);
-    let numbers = serde_json::json!({ "run": place(run.path()), "checkpoint": place(&checkpoint), "grid": place(&args.grid), "gap_updates": if gaps.is_some() { args.gap_updates } else { 0 }, "report": report, "gaps": gaps });
+    let numbers = serde_json::json!({ "run": place(run.path()), "checkpoint": place(&checkpoint), "grid": place(&args.grid), "gap_updates": if gaps.is_some() { gap_updates } else { 0 }, "report": report, "gaps": gaps });
     let text = serde_json::to_string_pretty(&numbers)? + "\n";
     write_atomically(&output, text.as_bytes()).context("cannot write the evaluation")?;
     if context.json {

@@ -233,7 +233,8 @@ fn label(recording: usize, of: &Recording, episode: u32) -> ((u8, u32), Option<u
     let cell = of.episodes().iter().find(|entry| entry.index == episode).and_then(|entry| entry.cell);
     let kind = u8::try_from(recording).unwrap_or(u8::MAX);
     match cell {
-        Some(cell) => ((kind, cell.state), Some(cell.distractor)),
+        // Numbers of distractors are below 2^24; those of two recordings are not the same distractors.
+        Some(cell) => ((kind, cell.state), Some(u32::from(kind) << 24 | cell.distractor)),
         None => ((kind, episode), None),
     }
 }

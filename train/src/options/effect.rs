@@ -26,9 +26,16 @@ impl Options {
         if let Some(option) = own.next() {
             return Some((option.flag.to_owned(), format!("the objective {name} does not look at it")));
         }
-        let off = auxiliary::REGISTRY.iter().filter(|term| term.weight(self) <= 0.0 && term.weight(base) <= 0.0);
+        let off = auxiliary::REGISTRY.iter().filter(|term| term.weight(self) <= 0.0);
         let mut of_terms = off.flat_map(|term| term.options().iter().map(move |option| (option, term)));
-        if let Some((option, term)) = of_terms.find(|(option, _)| changed(&option.key())) {
+        // What turns a term off has that effect: with the base's value it would be on.
+        let turns_off = |key: &str, term: &dyn auxiliary::Auxiliary| {
+            let mut back = mine.clone();
+            back.extend(theirs.get(key).map(|value| (key.to_owned(), value.clone())));
+            back.try_into::<Self>().is_ok_and(|back| term.weight(&back) > 0.0)
+        };
+        let has_no_effect = |key: &str, term: &dyn auxiliary::Auxiliary| changed(key) && !turns_off(key, term);
+        if let Some((option, term)) = of_terms.find(|(option, term)| has_no_effect(&option.key(), **term)) {
             return Some((option.flag.to_owned(), format!("the term {} is off", term.metric())));
         }
         let without = |key: &str, there: bool, why: &str| {

@@ -56,8 +56,9 @@ impl Plan {
     /// Every run.
     ///
     /// # Errors
-    /// Lists of different lengths under `[zip]`, a setting that no stage uses, a placeholder that is no setting, two runs of one name.
+    /// Lists of different lengths under `[zip]`, a setting in two places, a setting that no stage uses, a placeholder that is no setting, two runs of one name.
     pub fn expand(&self) -> Result<Vec<Element>> {
+        self.check_once()?;
         let mut all = vec![Settings::new()];
         for (key, values) in sorted(&self.grid) {
             let values = texts(key, values)?;
@@ -80,6 +81,27 @@ impl Plan {
             all = product(&all, &seeds.iter().map(|seed| one("seed", &seed.to_string())).collect::<Vec<_>>());
         }
         self.elements(all)
+    }
+
+    /// That no setting varies in two places, of which one would win unseen.
+    fn check_once(&self) -> Result<()> {
+        let of_lists: BTreeSet<&str> = self.list.iter().flat_map(Table::keys).map(String::as_str).collect();
+        let seeds = self.seeds.as_ref().map(|_| "seed");
+        let places = [
+            ("[grid]", self.grid.keys().map(String::as_str).collect::<Vec<_>>()),
+            ("[zip]", self.zip.keys().map(String::as_str).collect()),
+            ("[[list]]", of_lists.into_iter().collect()),
+            ("seeds", seeds.into_iter().collect()),
+        ];
+        let mut seen = BTreeMap::new();
+        for (place, keys) in places {
+            for key in keys {
+                if let Some(before) = seen.insert(key.to_owned(), place) {
+                    return Err(wrong(format!("{key} is set by {before} and by {place}; leave it to one of them")));
+                }
+            }
+        }
+        Ok(())
     }
 
     fn zipped(&self) -> Result<Vec<Settings>> {

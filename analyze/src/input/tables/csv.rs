@@ -14,7 +14,8 @@ use super::{InputError, damaged, not_a_table};
 const HEADER: usize = 1 << 16;
 
 pub(super) fn schema(path: &Path) -> Result<(Vec<String>, BTreeMap<String, String>), InputError> {
-    let frame = options(path, None)?.with_n_rows(Some(1)).with_infer_schema_length(Some(1));
+    // Only names are asked for. Taken as texts, since polars parses a few rows more than it infers types from.
+    let frame = options(path, None)?.with_n_rows(Some(1)).with_infer_schema_length(Some(0));
     let reader = frame.try_into_reader_with_file_path(Some(path.into())).map_err(|error| damaged(path, &error))?;
     let frame = reader.finish().map_err(|error| damaged(path, &error))?;
     let names: Vec<String> = frame.get_column_names().iter().map(ToString::to_string).collect();

@@ -51,6 +51,22 @@ fn zipped_lists_belong_together_and_listed_settings_are_taken_as_they_are() {
 }
 
 #[test]
+fn a_setting_varies_in_one_place() {
+    let head = "output = \"o\"\nstages = [\"vibes-train offline r --lr {lr} --seed {seed} -o {run}\"]\n";
+    for (rest, places) in [
+        ("seeds = 2\n[grid]\nlr = [0.1]\nseed = [7]\n", "seed is set by [grid] and by seeds"),
+        ("seeds = 2\n[grid]\nlr = [0.1]\n[[list]]\nlr = 0.2\n", "lr is set by [grid] and by [[list]]"),
+        (
+            "[zip]\nlr = [0.1]\nseed = [1]\n[[list]]\nlr = 0.2\n[[list]]\nlr = 0.3\n",
+            "lr is set by [zip] and by [[list]]",
+        ),
+    ] {
+        let fault = expanded(&format!("{head}{rest}")).unwrap_err();
+        assert!(fault.contains(places), "{fault}");
+    }
+}
+
+#[test]
 fn a_quoted_word_stays_together() {
     assert_eq!(
         split("vibes-train offline 'my recording' --note=\"a 'b'\" ''").unwrap(),

@@ -1,7 +1,11 @@
 //! The sums around the products: inputs and gradients to factors, products to outputs.
 //!
-//! In: maps of one frame, or products of a band of tiles. Out: `[36][tiles, 32]` factors, or a map. All work is on vectors of channels; loops count by hand, because an
-//! iterator over vectors is a call that hands them over in memory.
+//! In: maps of one frame, or products of a band of tiles. Out: `[36][tiles, 32]` factors, or a map. All work is on vectors of channels.
+
+#![allow(
+    clippy::needless_range_loop,
+    reason = "an iterator over vector registers is a call that hands them over in memory"
+)]
 
 use super::{Band, FACTORS, Finish, Map, OUTPUTS, Tiles};
 use crate::kernels::conv3::geometry::FILTERS;
