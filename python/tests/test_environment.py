@@ -179,6 +179,14 @@ def test_dm_observations_have_dm_controls_names(observation, names):
     assert steps[2].discount == 1.0 and steps[3].first()
 
 
+def test_dm_parts_have_dm_controls_shapes():
+    env = vibes.make_dm("walker-walk", observation="state", action_repeat=500)
+    # As dm_control's suite.load("walker", "walk") says them.
+    shapes = {"orientations": (14,), "height": (), "velocity": (9,)}
+    assert {name: spec.shape for name, spec in env.observation_spec().items()} == shapes
+    assert {name: part.shape for name, part in env.reset().observation.items()} == shapes
+
+
 def test_errors_name_what_would_be_right():
     wrong = [
         (dict(task="reacher-hard"), "reacher-easy"),

@@ -257,3 +257,28 @@ fn evaluate_on_a_grid_while_training_and_after() {
     assert_eq!(output.status.code(), Some(1));
     assert!(errors(&output).contains("two distractors"), "{}", errors(&output));
 }
+
+#[test]
+fn what_cannot_be_evaluated_is_said_before_anything_is_computed() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 20, false);
+    synthetic::recording(&folder.path().join("grid"), synthetic::SIDE, 6, 20, true);
+    let fails = |arguments: &[&str], says: &str| {
+        let output = vibes_train(folder.path(), arguments);
+        assert!(!output.status.success() && errors(&output).contains(says), "{arguments:?}: {}", errors(&output));
+    };
+    let train = ["offline", "coins", "--preset", "tiny", "--updates", "2", "-o", "run"];
+    fails(&[&train[..], &["--eval", "coins"]].concat(), "two distractors");
+    assert!(!folder.path().join("run/metrics.jsonl").exists(), "no update was made");
+    assert_done(&vibes_train(folder.path(), &train));
+    fails(&["evaluate", "run", "grid", "-o", "nowhere/numbers.json"], "a folder that is not there");
+    // Without its recordings a run has no gaps, which is an error only for those who ask for them.
+    std::fs::remove_dir_all(folder.path().join("coins")).unwrap();
+    fails(&["evaluate", "run", "grid", "--gap-updates", "3"], "the gaps need the run's recordings");
+    let output = vibes_train(folder.path(), &["evaluate", "run", "grid"]);
+    assert_done(&output);
+    assert!(String::from_utf8_lossy(&output.stdout).contains("without the gaps"));
+    let text = std::fs::read_to_string(folder.path().join("run/evaluation.json")).unwrap();
+    let found: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert!(found["gaps"].is_null() && found["gap_updates"] == 0 && found["report"]["fitted_on"].is_null());
+}

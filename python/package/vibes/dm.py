@@ -44,7 +44,7 @@ class DmEnvironment(dm_env.Environment):
         parts: dict[str, specs.Array] = {}
         if self._kind != "pixels":
             for part in self.world.spec["observation"]:
-                parts[part["name"]] = specs.Array((part["len"],), np.float32, part["name"])
+                parts[part["name"]] = specs.Array(shape_of(part), np.float32, part["name"])
         if self._draw:
             size = self.world.spec["pixels"]
             parts["pixels"] = specs.BoundedArray((size["height"], size["width"], 3), np.uint8, 0, 255, "pixels")
@@ -64,8 +64,13 @@ class DmEnvironment(dm_env.Environment):
         if self._kind != "pixels":
             start, state = 0, rows["state"][0]
             for part in self.world.spec["observation"]:
-                parts[part["name"]] = state[start : start + part["len"]]
+                parts[part["name"]] = state[start : start + part["len"]].reshape(shape_of(part))
                 start += part["len"]
         if self._draw:
             parts["pixels"] = rows["pixels"][0]
         return parts
+
+
+def shape_of(part: dict[str, Any]) -> tuple[int, ...]:
+    """A part of one number is a scalar in dm_control, as the walker's height."""
+    return () if part["len"] == 1 else (part["len"],)
