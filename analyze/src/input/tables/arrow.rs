@@ -49,8 +49,10 @@ pub(super) fn read(path: &Path, stream: bool, names: &[String]) -> Result<Vec<Se
         let metadata = read_stream_metadata(&mut file).map_err(fault)?;
         let (projection, order) = projection(&metadata.schema, names);
         for state in StreamReader::new(file, metadata, Some(projection)) {
-            if let StreamState::Some(batch) = state.map_err(fault)? {
-                take(&order, batch.arrays());
+            match state.map_err(fault)? {
+                StreamState::Some(batch) => take(&order, batch.arrays()),
+                // The file ends without a mark of the stream's end, as it may. The reader would wait for more of it for ever.
+                StreamState::Waiting => break,
             }
         }
     } else {
