@@ -29,7 +29,6 @@ impl Recording {
     /// [`Error::NoRecording`], or [`Error::Malformed`] for a damaged manifest.
     pub fn open(path: &Path) -> Result<Self> {
         let mut manifest = Manifest::read(&path.join(MANIFEST))?;
-        manifest.check(&path.join(MANIFEST))?;
         let strays = adopt_unlisted(path, &mut manifest)?;
         Ok(Self { path: path.into(), manifest, strays })
     }

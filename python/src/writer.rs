@@ -178,8 +178,8 @@ fn numbers<T: Element + Copy>(name: &str, array: Option<Bound<'_, PyAny>>, row: 
     let Some(array) = array else { return Ok(Vec::new()) };
     let array: PyReadonlyArrayDyn<'_, T> = array.extract()?;
     let found = array.shape();
-    if !matches!(found.split_first(), Some((_, rest)) if rest == row || row == [1] && rest.is_empty() || row.is_empty() && rest == [1])
-    {
+    let plain = |shape: &[usize]| if *shape == [1] { Vec::new() } else { shape.to_vec() };
+    if found.split_first().is_none_or(|(_, rest)| plain(rest) != plain(row)) {
         let row: String = row.iter().map(|size| format!(", {size}")).collect();
         return Err(refused(format!("{name} of shape {found:?}; right is [rows{row}]")));
     }

@@ -85,10 +85,8 @@ pub fn evaluate(
 ) -> Result<Report> {
     training.iter().chain([grid]).try_for_each(|recording| check_fit(encoder, recording))?;
     let judged = Rows::of(std::slice::from_ref(grid), usize::MAX)?;
+    check_rows(&judged, grid)?;
     let fitted = Rows::of(training, options.probe_episodes)?;
-    if judged.is_empty() {
-        return Err(no_grid("no episodes", grid));
-    }
     let tables = features(encoder, &judged, device)?;
     let tables_to_fit = features(encoder, &fitted, device)?;
     let (mut numbers, size) = grid_of(&judged, &tables[0], grid, options.seed)?;
@@ -111,7 +109,11 @@ pub fn evaluate(
 /// The recording does not fit the encoder, or is no grid.
 pub fn check_grid(encoder: TrainedEncoder<'_>, grid: &Recording) -> Result<()> {
     check_fit(encoder, grid)?;
-    let rows = Rows::of(std::slice::from_ref(grid), usize::MAX)?;
+    check_rows(&Rows::of(std::slice::from_ref(grid), usize::MAX)?, grid)
+}
+
+/// That a recording's rows are those of a grid.
+fn check_rows(rows: &Rows, grid: &Recording) -> Result<()> {
     if rows.is_empty() {
         return Err(no_grid("no episodes", grid));
     }

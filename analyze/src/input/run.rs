@@ -121,15 +121,19 @@ impl Run {
     /// The full name of a metric of this run; a number of `vibes-train evaluate` may be called as it is called there, as in `retrieval_same_step@1`.
     #[must_use]
     pub fn full_name(&self, metric: &str) -> Option<&str> {
-        let of_grid = || self.series.get_key_value(&format!("{NUMBERS}{metric}{ESTIMATE}"));
-        self.series.get_key_value(metric).or_else(of_grid).map(|(name, _)| name.as_str())
+        self.series.get_key_value(metric).or_else(|| self.of_grid(metric)).map(|(name, _)| name.as_str())
+    }
+
+    /// A number of a held-out grid as `vibes-train evaluate` calls it.
+    fn of_grid(&self, metric: &str) -> Option<(&String, &Series)> {
+        self.series.get_key_value(&format!("{NUMBERS}{metric}{ESTIMATE}"))
     }
 
     /// Where a metric ended: the mean of its last tenth, at least one value. Of two of one name it is the number of the held-out grid, not of the batches.
     #[must_use]
     pub fn final_value(&self, metric: &str) -> Option<f64> {
-        let of_grid = self.series.get(&format!("{NUMBERS}{metric}{ESTIMATE}"));
-        let series = of_grid.or_else(|| self.series.get(metric)).filter(|series| !series.is_empty())?;
+        let found = self.of_grid(metric).or_else(|| self.series.get_key_value(metric));
+        let series = found.map(|(_, series)| series).filter(|series| !series.is_empty())?;
         let count = (series.len() / 10).max(1);
         Some(series[series.len() - count..].iter().map(|point| point.1).sum::<f64>() / count as f64)
     }
@@ -215,6 +219,25 @@ mod tests {
         assert_eq!(run.series["loss"], vec![(10.0, 2.5), (20.0, 1.5)]);
         assert_eq!(run.series["gap"], vec![(20.0, 0.5)]);
         assert_eq!((run.broken_lines, run.objective(), run.updates()), (1, Some("vibes"), Some(20.0)));
+    }
+
+    #[test]
+    fn single_checkpoints_are_in_the_order_of_their_updates_and_the_grids_number_goes_first() {
+        let dir = tempfile::tempdir().expect("folder");
+        let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).expect("file");
+        write(
+            "metrics.jsonl",
+            "{\"update\":2000,\"effective_rank\":10.5}\n{\"update\":10000,\"effective_rank\":11.5}\n",
+        );
+        for (update, rank) in [(2000, 2.0), (10000, 3.0)] {
+            let text = format!(
+                "{{\"checkpoint\":\"checkpoints/{update:06}/model.safetensors\",\"report\":{{\"numbers\":{{\"effective_rank\":{{\"estimate\":{rank}}}}}}}}}"
+            );
+            write(&format!("evaluation-{update}.json"), &text);
+        }
+        let run = Run::read(dir.path()).expect("run");
+        assert_eq!(run.series["held_out.numbers.effective_rank.estimate"], vec![(2000.0, 2.0), (10000.0, 3.0)]);
+        assert_eq!(run.final_value("effective_rank"), Some(3.0));
     }
 
     #[test]

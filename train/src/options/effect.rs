@@ -78,6 +78,19 @@ mod tests {
     }
 
     #[test]
+    fn a_term_that_is_turned_off_refuses_its_other_options() {
+        let base = Options::resolve("small", &[]).unwrap();
+        let fault = |text: &str| {
+            let layer = [("a test", text.parse::<Table>().unwrap())];
+            let refused = Options::resolve("small", &layer).unwrap().check_effect(&base);
+            refused.map_or_else(|error| error.to_string(), |()| String::new())
+        };
+        assert_eq!((fault("inverse_weight = 0.0"), fault("reward_steps = 0")), (String::new(), String::new()));
+        assert!(fault("inverse_weight = 0.0\ninverse_steps = 3").contains("--inverse-steps has no effect"));
+        assert!(fault("reward_steps = 0\nreward_steps_weight = 0.5").contains("--reward-steps-weight has no effect"));
+    }
+
+    #[test]
     fn an_objective_refuses_every_option_that_only_others_read() {
         for chosen in Objective::all() {
             for definition in objective::REGISTRY {
