@@ -34,6 +34,14 @@ step "Encoding the grid, with this model and with the kept one, which learned fr
 vibes-train encode "$run" "$grid"
 vibes-train encode "$kept" "$grid" -o "$run-kept/latents.arrow"
 
+step "Encoding what was trained on, for probes to be fitted on"
+fits=()
+for recording in "$train" "$again-1" "$again-2"; do
+    table=$run/fit-$(basename "$recording").arrow
+    vibes-train encode "$run" "$recording" -o "$table"
+    fits+=(--fit "$table")
+done
+
 step "How far it got"
 vibes-train evaluate "$run" "$grid" --gap-updates 0
 # Updates made, and the verdict: is most of what varies the state?
@@ -53,7 +61,7 @@ vibes-analyze nn --queries 6 --latents "$latents" --note "$note"
 vibes-analyze umap --latents "$latents" --note "$note"
 vibes-analyze grid --panels 4x4 --latents "$latents" --note "$note"
 vibes-analyze invariance --latents "$latents" --note "$note"
-vibes-analyze probe --latents "$latents" --note "$note"
+vibes-analyze probe --latents "$latents" "${fits[@]}" --note "$note"
 vibes-analyze compare "$latents" "$run-kept/latents.arrow"
 vibes-analyze scene --latents "$latents"
 
@@ -66,7 +74,8 @@ Done in $(((SECONDS - started) / 60)) min $(((SECONDS - started) % 60)) s. After
   $figures/map-by-state.png  every latent on one UMAP map, coloured by state trajectory (also by time, reward, distractor)
   $figures/grid.png          rows share the state, columns the distractor: a row should look alike from left to right
   $figures/invariance.png    how much of the latents' variance is state, how much distractor; how often a neighbour shows the same state
-  $figures/probes.png        what can be read off the latents: task quantities should be high, distractor parameters at chance
+  $figures/probes.png        what can be read off the latents: task quantities should be high, distractor parameters at chance;
+                             probes.json has the same numbers as $run/evaluation.json, under the same names
   $figures/compare.png       this model beside the kept one
   $figures/scene.rrd         frame, latent, map and neighbours on one timeline; open it with: rerun $figures/scene.rrd
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Gives every reader of foreign files damaged input under libFuzzer, SECONDS each, and says what was run: executions, coverage, faults.
 #
-# usage: fuzz/run.sh SECONDS [READER ...]        all readers of fuzz/readers.rs unless named
+# usage: fuzz/run.sh SECONDS [READER ...]        all readers of fuzz/readers/ unless named
 #
 # Needs a C++ compiler, for libFuzzer. Builds outside the clone, in a folder of its own: coverage counters go into every crate. Corpora grow in
 # that folder, beside the inputs that broke a reader; `fuzz/corpus/` in the clone is where they begin and is not written to.

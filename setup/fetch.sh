@@ -16,7 +16,8 @@ case "$machine" in x86_64 | aarch64) ;; *) fail "no MuJoCo wheel for $machine; x
 
 wheels=$(mktemp -d)
 trap 'rm -rf "$wheels"' EXIT
-echo "setup: fetching MuJoCo 3.17.0 and the Control Suite's models"
+version=$(sed -n 's/^mujoco==\([0-9.]*\).*/\1/p' setup/wheels.txt)
+echo "setup: fetching MuJoCo $version and the Control Suite's models"
 # --require-hashes: what arrives is what was pinned, or nothing.
 python3 -m pip download --quiet --disable-pip-version-check --no-deps --require-hashes --only-binary=:all: \
     --python-version 3.11 --implementation cp --abi cp311 --platform "manylinux_2_28_$machine" \
@@ -41,5 +42,5 @@ for wheel in sorted(wheels.glob("*.whl")):
                     path.parent.mkdir(parents=True, exist_ok=True)
                     path.write_bytes(archive.read(name))
 PY
-ln -s libmujoco.so.3.17.0 "$out/libmujoco.so"
+ln -s "libmujoco.so.$version" "$out/libmujoco.so"
 cp setup/wheels.txt "$stamp"

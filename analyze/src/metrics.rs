@@ -1,7 +1,7 @@
 //! The metrics of runs that are known by name: what they are called in figures, and whether a higher number is a better one. Any other metric is shown
 //! under its own name.
 
-/// What the dynamics gap of a held-out grid is called: how far the latents are from a bisimulation.
+/// What the dynamics gap of a held-out grid is called: the log-likelihood of a critic that sees the whole history, minus that of heads refitted on (h, s, a).
 pub const DYNAMICS_GAP: &str = "held_out.gaps.dynamics_gap";
 
 /// What stands before and behind the name of a number of a held-out grid, as in `held_out.numbers.state_share.estimate`.
@@ -25,10 +25,10 @@ const KNOWN: [(&str, &str, bool); 16] = [
     ("objective", "objective (nats a row)", true),
     ("dynamics_log_likelihood", "dynamics log-likelihood (nats)", true),
     ("adversary_log_likelihood", "adversary log-likelihood (nats)", true),
-    ("gap", "gap: adversary − dynamics (nats)", false),
+    ("adversary_minus_dynamics", "adversary − dynamics, training batches (nats)", false),
     ("reward_log_likelihood", "reward log-likelihood (nats)", true),
     ("clipped_share", "share of clipped terms", false),
-    ("effective_rank", "effective rank of the latents", true),
+    ("batch_effective_rank", "effective rank of a batch's latents", true),
     ("frames_per_second", "frames a second", true),
     (DYNAMICS_GAP, "held-out dynamics gap (nats)", false),
     ("held_out.gaps.reward_gap", "held-out reward gap (nats)", false),

@@ -1,6 +1,6 @@
 //! `vibes-analyze` as a process: every verb end to end on a small synthetic recording, and what it says to bad input.
 
-#![allow(missing_docs, clippy::print_stdout, reason = "a test, which says what it skips")]
+#![allow(missing_docs, reason = "a test")]
 
 #[path = "cli/browser.rs"]
 mod browser;
@@ -333,10 +333,12 @@ fn a_table_over_runs_and_results_is_written_in_every_form() {
     for (name, shift) in [("a", 0.0), ("b", 0.1), ("c", 0.2)] {
         fixture::write_run(&fixture.path().join("runs").join(name), shift);
     }
-    let (said, _) = good(fixture.path(), &["table", "runs/a", "runs/b", "runs/c", "--metrics", "gap,effective_rank"]);
-    assert!(said.starts_with("table: gap, effective_rank of 3 runs by objective") && said.contains("vibes"), "{said}");
-    let (said, _) = good(fixture.path(), &["table", "runs/a", "--metrics", "gap", "-o", "one"]);
-    assert!(said.starts_with("table: gap of 1 run by objective"), "{said}");
+    let metrics = "adversary_minus_dynamics,batch_effective_rank";
+    let (said, _) = good(fixture.path(), &["table", "runs/a", "runs/b", "runs/c", "--metrics", metrics]);
+    let named = "table: adversary_minus_dynamics, batch_effective_rank of 3 runs by objective";
+    assert!(said.starts_with(named) && said.contains("vibes"), "{said}");
+    let (said, _) = good(fixture.path(), &["table", "runs/a", "--metrics", "adversary_minus_dynamics", "-o", "one"]);
+    assert!(said.starts_with("table: adversary_minus_dynamics of 1 run by objective"), "{said}");
     // `objective` is a metric as well as a key.
     let metrics = fixture.path().join("runs/c/metrics.jsonl");
     std::fs::write(&metrics, "{\"update\":10,\"objective\":2.5}\n").expect("metrics");
@@ -440,7 +442,8 @@ fn a_users_own_columns_are_probed_and_colour_the_scene() {
     let sections = probes["quantities"].as_array().expect("sections");
     assert!(sections.iter().any(|named| named["quantity"] == "half" && named["section"] == "target"), "{sections:?}");
     let svg = std::fs::read_to_string(out.path().join("probes.svg")).expect("figure");
-    assert!(svg.contains("columns of your own"));
+    assert!(svg.contains("columns of your own") && svg.contains("R², cross-validated over the table"));
+    assert_eq!(probes["fitted_on"]["numbers"], "cross-validation");
     let unknown = ["probe", "-o", text(out.path()), "--target", "weather"];
     assert!(bad(GRID.path(), &unknown, 2).contains("no table has a column weather"));
     let color = ["scene", "--episodes", "3", "-o", text(out.path()), "--join", text(&mine), "--color", "half"];
@@ -480,9 +483,23 @@ fn a_users_own_columns_are_fitted_on_other_latents() {
     let fitted_on = |table: &Path| good(GRID.path(), &[&words[..], &["--fit-join", text(table)]].concat());
     fitted_on(&judged);
     assert!(score("height") > 0.99 && score("half") > 0.9);
+    let probes = json(&out.path().join("probes.json"));
+    let numbers = &probes["numbers"];
+    assert!(numbers["probe/height/s"].is_object() && numbers["probe_cross_validated/half/s"].is_object(), "{numbers}");
+    assert!(numbers["probe/half/s"].is_null() && numbers["probe_cross_validated/height/s"].is_null(), "{numbers}");
+    assert_eq!(probes["fitted_on"]["numbers"]["episodes"], probes["fitted_on"]["numbers"]["of_episodes"], "{probes}");
+    let svg = std::fs::read_to_string(out.path().join("probes.svg")).expect("figure");
+    assert!(svg.contains("R², fitted on other recordings (classes cross-validated)"), "{svg:.3000}");
     // Where the other table says the opposite, so does the probe; classes are judged within the table.
     fitted_on(&heights(out.path(), "opposite.csv", |first| (-first).to_string()));
     assert!(score("height") < -1.0 && score("half") > 0.9, "{}", score("height"));
+
+    let twice = [&words[..], &["--fit", text(&fit), "--fit-join", text(&judged)]].concat();
+    assert!(bad(GRID.path(), &twice, 2).contains("1 of --fit-join and 2 of --fit"));
+    good(GRID.path(), &[&twice[..], &["--fit-join", text(&judged), "--probe-episodes", "6"]].concat());
+    let fitted = json(&out.path().join("probes.json"))["fitted_on"]["numbers"].clone();
+    assert!(fitted["episodes"].as_u64().expect("number") <= 6 && score("height") > 0.9, "{fitted}");
+    assert_eq!(fitted["latents"].as_array().map(Vec::len), Some(2), "{fitted}");
 
     assert!(bad(GRID.path(), &words, 2).contains("no table has a column height"));
     let texts = heights(out.path(), "texts.csv", |first| if first > 0.0 { "high".into() } else { "low".into() });

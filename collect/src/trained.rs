@@ -5,13 +5,13 @@
 
 use std::path::Path;
 
-use rand::RngCore;
 use serde::{Deserialize, Serialize};
 use vibes_data::RunFolder;
 use vibes_env::render::{Look, RenderSettings};
-use vibes_env::{EnvironmentOptions, Error as WorldError, Policy, PolicySpec, Sight, Start};
+use vibes_env::{EnvironmentOptions, Error as WorldError, Policy, PolicySpec, Trained};
 use vibes_model::ObservationKind;
 use vibes_model::actions::Choice;
+use vibes_model::player::Player;
 use vibes_model::trained::{TrainedAgent, actor_file};
 
 use crate::{Error, Result};
@@ -71,35 +71,6 @@ pub fn home(run: &Path) -> Home {
     }
 }
 
-/// A trained run's actor as a policy: always the mode of its distribution.
-#[derive(Debug)]
-struct Trained {
-    name: String,
-    agent: TrainedAgent,
-    pictures: Option<RenderSettings>,
-    /// The action executed last, which the agent's networks take in beside the next observation.
-    executed: Vec<f32>,
-}
-
-impl Policy for Trained {
-    fn pictures(&self) -> Option<RenderSettings> {
-        self.pictures
-    }
-
-    fn begin(&mut self, _start: &Start) -> vibes_env::Result<()> {
-        self.agent.begin();
-        Ok(())
-    }
-
-    fn act(&mut self, sight: &Sight<'_>, mut rng: &mut dyn RngCore) -> vibes_env::Result<Vec<f64>> {
-        let seen = self.agent.look(sight.pixels, sight.observation);
-        let chosen = self.agent.act(seen, &self.executed, Choice::Mode, &mut rng);
-        self.executed =
-            chosen.map_err(|error| WorldError::Acting { policy: self.name.clone(), cause: Box::new(error) })?;
-        Ok(self.executed.iter().map(|&number| f64::from(number)).collect())
-    }
-}
-
 /// Loads the actor of a run's newest checkpoint.
 fn load(path: &Path, task: &str) -> Result<(Box<dyn Policy>, ActedBy)> {
     let refuse = |fact: String, expected: &str| {
@@ -130,5 +101,10 @@ fn load(path: &Path, task: &str) -> Result<(Box<dyn Policy>, ActedBy)> {
         pictures,
     };
     let name = path.display().to_string();
-    Ok((Box::new(Trained { name, agent, pictures, executed: Vec::new() }), acted_by))
+    // Always the mode of its distribution, as a run evaluates itself.
+    let mut player = Player::new(agent, Choice::Mode, 0.0);
+    let policy = Trained::new(name, pictures, move |sight, is_first, mut rng| {
+        player.act(is_first, sight.pixels, sight.observation, &mut rng).map_err(Into::into)
+    });
+    Ok((Box::new(policy), acted_by))
 }

@@ -55,6 +55,13 @@ pub struct DecodedRow {
     pub predicted: Option<Vec<u8>>,
 }
 
+impl DecodedRow {
+    /// Its two or three pictures.
+    fn pictures(&self) -> impl Iterator<Item = &Vec<u8>> {
+        [&self.recorded, &self.shown].into_iter().chain(&self.predicted)
+    }
+}
+
 impl Decoded {
     /// Writes the strips whole or not at all.
     ///
@@ -89,11 +96,12 @@ impl Decoded {
             objective: text("objective"),
             explained: text("explained").and_then(|text| text.parse().ok()),
         };
+        let bytes = (size.0 as usize).checked_mul(size.1 as usize).and_then(|pixels| pixels.checked_mul(3));
+        let bytes = bytes.ok_or_else(|| other("a picture size that no picture has"))?;
         for index in 0..table.batches() {
             let batch = table.batch(index)?;
             let rows = rows(&batch).ok_or_else(|| other("other columns"))?;
-            let bytes = size.0 as usize * size.1 as usize * 3;
-            if rows.iter().any(|row| row.recorded.len() != bytes || row.shown.len() != bytes) {
+            if rows.iter().any(|row| row.pictures().any(|picture| picture.len() != bytes)) {
                 return Err(other("pictures of another size than its metadata says"));
             }
             decoded.rows.extend(rows);
@@ -185,5 +193,31 @@ mod tests {
         assert_eq!(Decoded::read(&path).expect("read"), decoded);
         std::fs::write(&path, b"ARROW1 and no more").expect("file");
         assert!(Decoded::read(&path).is_err());
+    }
+
+    /// The size in the metadata is a text that anyone can have written; what is drawn of the pictures relies on it.
+    #[test]
+    fn pictures_of_another_size_than_the_metadata_says_are_refused() {
+        let dir = tempfile::tempdir().expect("folder");
+        let path = dir.path().join("decoded.arrow");
+        let picture = vec![1; 12];
+        let row = DecodedRow {
+            recorded: picture.clone(),
+            shown: picture.clone(),
+            predicted: Some(picture),
+            ..DecodedRow::default()
+        };
+        let decoded = Decoded { size: (2, 2), rows: vec![row], ..Decoded::default() };
+        let batch = decoded.batch().expect("a batch");
+        for (height, is_read) in [("2", true), ("3", false), ("4294967295", false)] {
+            let sizes = [("vibes.height", height), ("vibes.width", if is_read { "2" } else { "4294967295" })];
+            let metadata = sizes.map(|(key, text)| (key.to_owned(), text.to_owned())).into_iter().collect();
+            let schema = Arc::new(batch.schema().as_ref().clone().with_metadata(metadata));
+            let mut writer = FileWriter::try_new(Vec::new(), &schema).expect("a writer");
+            let renamed = RecordBatch::try_new(schema, batch.columns().to_vec()).expect("the same columns");
+            writer.write(&renamed).expect("written");
+            std::fs::write(&path, writer.into_inner().expect("bytes")).expect("file");
+            assert_eq!(Decoded::read(&path).is_ok(), is_read, "{height}");
+        }
     }
 }

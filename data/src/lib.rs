@@ -15,6 +15,7 @@ mod lock;
 mod manifest;
 mod map;
 mod mcap_log;
+pub mod numpy;
 mod place;
 mod quantity;
 mod readable;

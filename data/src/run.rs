@@ -262,7 +262,7 @@ impl Metrics {
         let mut metrics = Self::default();
         for line in text.lines().filter(|line| !line.trim().is_empty()) {
             match serde_json::from_str(line) {
-                Ok(line) => metrics.lines.push(line),
+                Ok(line) => metrics.lines.push(renamed(line)),
                 Err(_no_object) => metrics.broken += 1,
             }
         }
@@ -273,6 +273,14 @@ impl Metrics {
     pub fn last(&self, name: &str) -> Option<f64> {
         self.lines.iter().rev().find_map(|line| line.get(name)?.as_f64())
     }
+}
+
+/// A line with today's names: older runs called the adversary's log-likelihood minus the dynamics' `gap`, which is the name of another number.
+fn renamed(mut line: Map<String, Value>) -> Map<String, Value> {
+    if let Some(value) = line.remove("gap") {
+        line.insert("adversary_minus_dynamics".to_owned(), value);
+    }
+    line
 }
 
 /// An open file of numbers that grows by one line at a time.
@@ -331,6 +339,20 @@ mod tests {
         std::fs::write(run.info_path(), INFO.replace("vibes-run/1", "vibes-run/9")).unwrap();
         let error = run.info::<Value, Value>().unwrap_err().to_string();
         assert!(error.contains("format vibes-run/9; this version reads vibes-run/1"), "{error}");
+    }
+
+    #[test]
+    fn an_older_run_has_todays_names_also_once_it_goes_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("metrics.jsonl");
+        std::fs::write(&path, "{\"update\":10,\"gap\":0.5}\n{\"update\":20,\"adversary_minus_dynamics\":0.25}\n")
+            .unwrap();
+        let of =
+            |metrics: &Metrics| metrics.lines.iter().map(|line| line["adversary_minus_dynamics"].as_f64()).collect();
+        let found: Vec<Option<f64>> = of(&Metrics::read(&path).unwrap());
+        assert_eq!(found, [Some(0.5), Some(0.25)]);
+        MetricsFile::open(&path, 20).unwrap();
+        assert!(!std::fs::read_to_string(&path).unwrap().contains("gap"));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use vibes_data::{ActionSpec, ObservationPart, Quantity};
 
 use crate::distractors::Scenery;
 use crate::physics::{Physics, Snapshot, Start};
-use crate::tasks::{Actuation, EPISODE_CONTROL_STEPS, Loaded, PlannerSettings, Task, load};
+use crate::tasks::{Actuation, EPISODE_CONTROL_STEPS, Loaded, PlannerSettings, Task, load, symmetric_tasks};
 use crate::{Error, Result};
 
 /// What a user may choose about an environment.
@@ -38,15 +38,16 @@ pub struct Environment {
 impl Environment {
     /// Loads a task by name.
     pub fn new(task: &str, options: EnvironmentOptions) -> Result<Self> {
-        let loaded = load(task)?;
+        let (loaded, action_repeat) = load(task)?;
         let actuation = if options.raw_torques { Actuation::Direct } else { loaded.actuation };
-        let Loaded { name, physics, task, physics_steps, action_repeat, planner, scenery, .. } = loaded;
+        let name = task.to_owned();
+        let Loaded { physics, task, physics_steps, planner, scenery, .. } = loaded;
         let action_repeat = options.action_repeat.unwrap_or(action_repeat).max(1);
         let control = vec![0.0; physics.control().len()];
         Ok(Self { name, physics, task, actuation, physics_steps, action_repeat, planner, scenery, control })
     }
 
-    /// The task's registered name.
+    /// The task's name, as it was asked for.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -166,7 +167,9 @@ impl Environment {
     /// [`Error::NoRotation`] for a task that is not the same afterwards.
     pub fn rotate(&self, state: &mut Start, angle: f64) -> Result<()> {
         let is_symmetric = self.task.rotate(state, angle);
-        is_symmetric.then_some(()).ok_or_else(|| Error::NoRotation { task: self.name.clone() })
+        is_symmetric
+            .then_some(())
+            .ok_or_else(|| Error::NoRotation { task: self.name.clone(), known: symmetric_tasks().join(", ") })
     }
 
     /// One control step; returns its reward.

@@ -29,10 +29,12 @@ pub enum Error {
         path: PathBuf,
     },
     /// A task whose states cannot be turned.
-    #[error("{task} is not the same turned about the origin; reacher-easy is")]
+    #[error("{task} is not the same turned about the origin; of the tasks these are: {known}")]
     NoRotation {
         /// The task.
         task: String,
+        /// The tasks whose states can be turned.
+        known: String,
     },
     /// A name that is not in its list.
     #[error("unknown {what} {name}; known are {known}")]

@@ -106,11 +106,6 @@ impl Eyes {
         &mut self.environment
     }
 
-    /// The environment alone again.
-    pub fn into_environment(self) -> Environment {
-        self.environment
-    }
-
     /// Size and look of the pictures; none if it draws none.
     pub fn pictures(&self) -> Option<RenderSettings> {
         self.renderer.as_ref().map(Renderer::settings)

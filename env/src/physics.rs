@@ -50,11 +50,6 @@ impl Physics {
         &self.data
     }
 
-    /// The same, to be changed: by renderers, which write camera poses and materials.
-    pub fn data_mut(&mut self) -> &mut MjData<Box<MjModel>> {
-        &mut self.data
-    }
-
     /// Seconds of one physics step.
     pub fn timestep(&self) -> f64 {
         self.model().opt().timestep
@@ -121,14 +116,6 @@ impl Physics {
         self.data.model_opt_mut().disableflags = flags | actuation;
         self.data.forward();
         self.data.model_opt_mut().disableflags = flags;
-    }
-
-    /// Positions of everything from `qpos` alone (kinematics, centres of mass, cameras and lights): enough to draw a picture.
-    pub fn forward_kinematics(&mut self) {
-        self.data.kinematics();
-        self.data.com_pos();
-        self.data.camlight();
-        self.data.tendon_comp();
     }
 
     /// One control step of `count` physics steps, in `dm_control`'s order: write the control, finish the step that the last `mj_step1` began,

@@ -2,12 +2,13 @@
 //!
 //! In: a policy as typed (`random`, `planner:noise=0.3`, `actions:FILE`, a run's folder), or a mix of them with weights; at every agent step a
 //! [`Sight`]: the vector observation, the picture, and for planners the simulator. Out: an action in the task's own bounds.
-//! The policies that need no training live here; a trained run is one more implementation of [`Policy`], made by whoever has its networks.
+//! The policies that need no training live here; a trained agent is one more ([`Trained`]), made by whoever has its networks.
 
 mod actions;
 mod mix;
 mod planner;
 mod random;
+mod trained;
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -21,7 +22,8 @@ use crate::{Environment, EnvironmentOptions, Error, Result, Start};
 pub use actions::Replay;
 pub use mix::PolicyMix;
 pub use planner::Planner;
-pub use random::Random;
+pub use random::{Random, SingleRandom};
+pub use trained::{Chosen, Trained};
 
 /// What a policy may look at when it chooses an action.
 #[derive(Clone, Copy, Debug)]

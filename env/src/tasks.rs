@@ -77,8 +77,6 @@ pub(crate) enum Actuation {
 /// A task with its compiled model.
 #[derive(Debug)]
 pub(crate) struct Loaded {
-    /// The registered name.
-    pub name: String,
     /// The model.
     pub physics: Physics,
     /// What is wanted of it.
@@ -87,8 +85,6 @@ pub(crate) struct Loaded {
     pub actuation: Actuation,
     /// Physics steps in a control step.
     pub physics_steps: usize,
-    /// Control steps an action is held for, unless asked otherwise.
-    pub action_repeat: u32,
     /// How the planner looks ahead.
     pub planner: PlannerSettings,
     /// What the distractors have to know.
@@ -104,6 +100,12 @@ struct Registered {
     note: &'static str,
     /// Names to try the task with, from a small one for its laws to a large one for its rate card.
     examples: &'static [&'static str],
+    /// Control steps an action is held for, unless asked otherwise.
+    action_repeat: u32,
+    /// Whether it is one of the tasks of the Distracting Control Suite, whose action repeat this then is.
+    is_of_the_suite: bool,
+    /// Whether its states can be turned about the vertical axis through the origin ([`Task::rotate`]).
+    is_symmetric: bool,
     /// Loads the task if the name is one of its own.
     load: fn(&str) -> Option<Result<Loaded>>,
 }
@@ -136,11 +138,29 @@ pub fn large_example_tasks() -> Vec<&'static str> {
     TASKS.iter().filter_map(|task| task.examples.last().copied()).collect()
 }
 
-/// Loads the task of that name.
-pub(crate) fn load(name: &str) -> Result<Loaded> {
+/// Every name that the tasks give as an example: for listings of tasks that can be loaded as they stand.
+pub fn all_example_tasks() -> Vec<&'static str> {
+    TASKS.iter().flat_map(|task| task.examples).copied().collect()
+}
+
+/// The tasks of the Distracting Control Suite, with the control steps for which it holds an action.
+pub fn suite_tasks() -> Vec<(&'static str, u32)> {
+    TASKS.iter().filter(|task| task.is_of_the_suite).map(|task| (task.name, task.action_repeat)).collect()
+}
+
+/// The tasks whose states can be turned about the vertical axis through the origin, physics and reward being the same afterwards.
+pub fn symmetric_tasks() -> Vec<&'static str> {
+    TASKS.iter().filter(|task| task.is_symmetric).map(|task| task.name).collect()
+}
+
+/// Loads the task of that name, and says for how many control steps its actions are held.
+pub(crate) fn load(name: &str) -> Result<(Loaded, u32)> {
     let known = TASKS.iter().chain([&known_slide::TASK]);
-    let mut loaded = known.filter_map(|task| (task.load)(name));
-    loaded.next().unwrap_or_else(|| Err(Error::UnknownTask { name: name.to_owned(), known: task_help() }))
+    let mut loaded = known.filter_map(|task| Some((task.action_repeat, (task.load)(name)?)));
+    match loaded.next() {
+        Some((action_repeat, loaded)) => Ok((loaded?, action_repeat)),
+        None => Err(Error::UnknownTask { name: name.to_owned(), known: task_help() }),
+    }
 }
 
 /// A number that the task is about.

@@ -10,7 +10,8 @@ use vibes_env::distractors::{AxisSeeds, DistractorSettings, DistractorTrajectory
 use vibes_env::render::{Look, RenderSettings, Renderer, undistracted};
 use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 use vibes_env::{
-    Environment, EnvironmentOptions, EpisodeSeeds, Eyes, Policy, Random, Result, Sight, Start, example_tasks, rollout,
+    Environment, EnvironmentOptions, EpisodeSeeds, Eyes, Policy, Random, Result, Sight, Start, Trained, example_tasks,
+    rollout, rollout_frames,
 };
 
 const PICTURES: RenderSettings = RenderSettings { size: 32, look: Look::Fast };
@@ -107,4 +108,42 @@ fn a_policy_that_sees_pictures_needs_eyes_that_draw_them() {
     assert!(error.contains("size: 32"), "{error}");
     let mut small = eyes("reacher-easy", Some(RenderSettings { size: 16, ..PICTURES }));
     assert!(rollout(&mut small, &mut Witness::default(), 2, 1.into()).is_err());
+}
+
+/// What is kept of an episode does not change it: its states alone, or every row with its picture.
+#[test]
+fn an_episode_with_its_frames_is_that_of_its_states_with_the_pictures_that_the_policy_saw() {
+    for task in example_tasks() {
+        let mut eyes = eyes(task, Some(PICTURES));
+        let mut witness = Witness::default();
+        let states = rollout(&mut eyes, &mut witness, STEPS, 8.into()).unwrap();
+        let (start, episode) = rollout_frames(&mut eyes, &mut witness, STEPS, 8.into()).unwrap();
+        episode.check(&eyes.environment().spec(Some(PICTURES.size as u32))).unwrap();
+        assert_eq!((start, &episode.qpos), (states.start, &states.qpos.concat()), "{task}");
+        let actions: Vec<f64> = episode.actions.iter().map(|&number| f64::from(number)).collect();
+        assert_eq!(actions, states.actions.concat(), "{task}");
+        let rows: Vec<&[u8]> = episode.pixels.chunks_exact(witness.seen[0].len()).collect();
+        assert_eq!(rows[..witness.seen.len()], witness.seen.iter().map(Vec::as_slice).collect::<Vec<_>>(), "{task}");
+    }
+}
+
+/// A trained agent is told where an episode begins, sees what it was trained on, and what it asks for is cut to the bounds.
+#[test]
+fn a_trained_agent_begins_every_episode_anew_and_its_errors_say_whose_they_are() {
+    let mut eyes = eyes("reacher-easy", Some(PICTURES));
+    let mut rows = Vec::new();
+    let mut agent = Trained::new("runs/mine".to_owned(), None, |sight, is_first, _| {
+        rows.push((is_first, sight.pixels.len(), sight.observation.len()));
+        Ok(vec![7.0, -0.5])
+    });
+    for _ in 0..2 {
+        let states = rollout(&mut eyes, &mut agent, 3, 1.into()).unwrap();
+        assert!(states.actions.iter().all(|action| *action == [1.0, -0.5]));
+    }
+    drop(agent);
+    assert_eq!(rows.iter().map(|row| row.0).collect::<Vec<_>>(), [true, false, false, true, false, false]);
+    assert!(rows.iter().all(|(_, pixels, observation)| (*pixels, *observation) == (0, 6)));
+    let mut lost = Trained::new("runs/mine".to_owned(), None, |_, _, _| Err("no weights".into()));
+    let error = rollout(&mut eyes, &mut lost, 3, 1.into()).unwrap_err().to_string();
+    assert!(error.contains("runs/mine") && error.contains("no weights"), "{error}");
 }

@@ -8,8 +8,9 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use vibes_data::{About, Quantity};
 use vibes_env::{
-    Environment, EnvironmentOptions, Eyes, KNOWN_SLIDE, Planner, PlannerSettings, Random, Snapshot, StateTrajectory,
-    example_tasks, known_reward, rollout, task_help, task_names,
+    Environment, EnvironmentOptions, Eyes, KNOWN_SLIDE, Planner, PlannerSettings, Policy, Random, SingleRandom,
+    Snapshot, Start, StateTrajectory, all_example_tasks, example_tasks, known_reward, large_example_tasks, rollout,
+    suite_tasks, symmetric_tasks, task_help, task_names,
 };
 
 /// Every task, and the one that is for tests.
@@ -85,7 +86,7 @@ fn every_task_names_its_quantities() {
 /// Where a state can be turned without physics and reward noticing, the task's own quantities do not notice either, and those it calls superfluous do.
 #[test]
 fn quantities_of_a_turned_state_are_the_same_but_for_the_superfluous() {
-    let mut turned = 0;
+    let mut turned = Vec::new();
     for task in tasks() {
         let mut environment = environment(task);
         let mut start = environment.reset(&mut ChaCha8Rng::seed_from_u64(3)).unwrap();
@@ -99,9 +100,12 @@ fn quantities_of_a_turned_state_are_the_same_but_for_the_superfluous() {
             let same = (before - after).abs() < 1e-6;
             assert_eq!(same, *about == About::Task, "{task}: {name} was {before} and is {after}");
         }
-        turned += 1;
+        assert!(before.iter().any(|(_, about, _)| *about == About::Symmetry), "{task}: what a turn changes");
+        turned.push(task);
     }
-    assert_eq!(turned, 1, "reacher");
+    assert_eq!(turned, symmetric_tasks(), "the registry's word for it");
+    let error = environment(KNOWN_SLIDE).rotate(&mut Start::default(), 0.7).unwrap_err().to_string();
+    assert!(turned.iter().all(|task| error.contains(task)), "{error}");
 }
 
 /// What the registry asks of a task's file, so that nothing else has to be told of a new task.
@@ -111,6 +115,11 @@ fn a_task_says_everything_itself() {
     assert_eq!(names.iter().collect::<HashSet<_>>().len(), names.len(), "two tasks of one name");
     assert!(names.iter().all(|name| task_help().contains(name)), "{}", task_help());
     assert!(!names.contains(&KNOWN_SLIDE), "the task for tests is not listed");
+    let all = all_example_tasks();
+    assert!(example_tasks().iter().chain(&large_example_tasks()).all(|task| all.contains(task)), "{all:?}");
+    for task in all {
+        assert_eq!(environment(task).name(), task);
+    }
     for task in tasks() {
         let environment = environment(task);
         assert_eq!(environment.name(), task, "a task is loaded under the name it was asked for");
@@ -151,6 +160,8 @@ fn action_repeats_and_episode_lengths_are_those_of_the_distracting_control_suite
         ("walker-walk", 2, 500, 0.025),
         ("swimmer-3", 10, 100, 0.03),
     ];
+    let of_the_suite: Vec<(&str, u32)> = expected[..6].iter().map(|&(task, repeat, ..)| (task, repeat)).collect();
+    assert_eq!(suite_tasks(), of_the_suite);
     for (task, action_repeat, steps, control_timestep) in expected {
         let environment = environment(task);
         assert_eq!((environment.action_repeat(), environment.episode_steps()), (action_repeat, steps), "{task}");
@@ -188,6 +199,23 @@ fn the_same_seed_gives_the_same_bits_and_another_seed_another_start() {
         let other = random_rollout(task, 25, 12);
         assert_ne!(first.observations[0], other.observations[0], "{task}: the start");
         assert_ne!(first.actions, other.actions, "{task}: the actions");
+    }
+}
+
+/// Single precision draws other numbers, and its actions are executed as they are drawn.
+#[test]
+fn uniform_actions_of_either_precision_stay_within_the_bounds() {
+    for task in tasks() {
+        let mut eyes = Eyes::blind(environment(task)).unwrap();
+        let [double, single] = [&mut Random as &mut dyn Policy, &mut SingleRandom]
+            .map(|policy| rollout(&mut eyes, policy, 25, 11.into()).unwrap());
+        assert_eq!(double.start, single.start, "{task}");
+        assert_ne!(double.actions, single.actions, "{task}");
+        let bounds = environment(task).action_spec();
+        for action in double.actions.iter().chain(&single.actions) {
+            let mut pairs = action.iter().zip(bounds.min.iter().zip(&bounds.max));
+            assert!(pairs.all(|(number, (low, high))| (low..=high).contains(&number)), "{task}: {action:?}");
+        }
     }
 }
 
@@ -243,8 +271,10 @@ fn the_stored_state_gives_the_observation_again() {
                     continue;
                 }
                 let pairs = observation[range.clone()].iter().zip(&trajectory.observations[row][range]);
-                let error = pairs.map(|(got, expected)| (got - expected).abs()).fold(0.0, f64::max);
-                assert!(error < 1e-12, "{task}: {} of row {row} differs by {error}", part.name);
+                // Every pair by itself: the largest of differences would pass over one that is none.
+                for (got, expected) in pairs {
+                    assert!((got - expected).abs() < 1e-12, "{task}: {} of row {row}: {got}, {expected}", part.name);
+                }
             }
         }
     }

@@ -48,6 +48,18 @@ fn percentiles(estimate: f64, draws: &[Vec<f64>], statistic: impl Fn(&[f64]) -> 
     Interval { estimate, low: percentile(&values, 0.025), high: percentile(&values, 0.975) }
 }
 
+/// What a row is of: its state trajectory or, outside a grid, its episode; and its distractor trajectory.
+pub type Label = ((u8, u32), Option<u32>);
+
+/// The label of a row of an episode that lies in a cell, `(state, distractor)`, or in none.
+#[must_use]
+pub fn label(episode: u32, cell: Option<(u32, u32)>) -> Label {
+    match cell {
+        Some((state, distractor)) => ((0, state), Some(distractor)),
+        None => ((1, episode), None),
+    }
+}
+
 /// What is drawn again for an interval: the cells of a grid by state and by distractor, or episodes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Trajectories {
@@ -62,9 +74,9 @@ pub struct Trajectories {
 }
 
 impl Trajectories {
-    /// From the trajectories of every row: the label of its state trajectory or episode, and that of its distractor trajectory, if it lies on a grid.
+    /// From the trajectories of every row, as [`label`] names them.
     #[must_use]
-    pub fn new(rows: &[((u8, u32), Option<u32>)]) -> Self {
+    pub fn new(rows: &[Label]) -> Self {
         let mut units = rows.to_vec();
         units.sort_unstable();
         units.dedup();

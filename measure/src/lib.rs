@@ -7,6 +7,7 @@ mod error;
 mod table;
 
 pub mod clusters;
+pub mod episodes;
 pub mod intervals;
 pub mod invariance;
 pub mod neighbours;
@@ -15,6 +16,7 @@ pub mod past_actions;
 pub mod pca;
 pub mod probes;
 pub mod quality;
+pub mod r_squared;
 pub mod returns;
 pub mod spectrum;
 pub mod state_error;

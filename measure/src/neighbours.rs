@@ -88,6 +88,14 @@ impl Neighbours {
         &self.distances[query * self.k..(query + 1) * self.k]
     }
 
+    /// The share of these neighbours that another search for the same queries found too, over all queries.
+    #[must_use]
+    pub fn shared_with(&self, other: &Self) -> f64 {
+        let queries = self.queries().min(other.queries());
+        let shared = |query: usize| self.rows(query).iter().filter(|row| other.rows(query).contains(row)).count();
+        (0..queries).map(shared).sum::<usize>() as f64 / (queries * self.k) as f64
+    }
+
     /// The same queries with only their `k` nearest.
     #[must_use]
     pub fn truncated(&self, k: usize) -> Self {

@@ -10,7 +10,7 @@ use serde::ser::{Serialize, SerializeMap, Serializer};
 use crate::Error;
 use crate::intervals::Interval;
 use crate::invariance::{Grid, RetrievalOptions, denoising_factor, retrieval_any_step, retrieval_same_step, variance};
-use crate::probes::{Probe, ProbeScore};
+use crate::probes::{Fitting, Probe, ProbeScore};
 use crate::spectrum::effective_rank;
 
 /// A number, what it is without any latent, and what past actions alone give.
@@ -143,18 +143,25 @@ fn of_grid(grid: &Grid<'_>, options: &GridOptions) -> Result<Vec<Number>, Error>
     Ok(numbers)
 }
 
-/// Scores of probes by name: `probe/QUANTITY/FEATURES` of the linear probe, `probe_knn/QUANTITY/FEATURES` of the kNN probe. `features` is what was
-/// read: `s` the latent, `h` the recurrent state, `hs` both. `past_actions` are scores of the same quantities.
+/// What the names of a probe's scores begin with, by how it was fitted, as in `probe/QUANTITY/s`.
+#[must_use]
+pub fn probe_family(probe: Probe, fitting: Fitting) -> &'static str {
+    match (probe, fitting) {
+        (Probe::Linear, Fitting::OtherRecordings) => "probe",
+        (Probe::Linear, Fitting::CrossValidation) => "probe_cross_validated",
+        (Probe::Knn, Fitting::OtherRecordings) => "probe_knn",
+        (Probe::Knn, Fitting::CrossValidation) => "probe_knn_cross_validated",
+    }
+}
+
+/// Scores of probes by name: `FAMILY/QUANTITY/FEATURES` (see [`probe_family`]). `features` is what was read: `s` the latent, `h` the recurrent state, `hs`
+/// both. `past_actions` are scores of the same quantities.
 #[must_use]
 pub fn probe_numbers(features: &str, scores: &[ProbeScore], past_actions: Option<&[ProbeScore]>) -> Numbers {
     let of = |score: &ProbeScore| {
         let same = |other: &&ProbeScore| other.quantity == score.quantity && other.probe == score.probe;
-        let kind = match score.probe {
-            Probe::Linear => "probe",
-            Probe::Knn => "probe_knn",
-        };
         Number {
-            name: format!("{kind}/{}/{features}", score.quantity),
+            name: format!("{}/{}/{features}", probe_family(score.probe, score.fitting), score.quantity),
             value: score.score,
             chance: score.chance,
             past_actions: past_actions.and_then(|scores| scores.iter().find(same)).map(|score| score.score),

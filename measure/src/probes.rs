@@ -11,7 +11,7 @@
 //!
 //! Probes of numbers are fitted on other recordings where those are at hand ([`Fit::On`], the training recordings) and judged on every row of the table in
 //! question: ten state trajectories are too few to fit on. Otherwise, and always for classes (another recording shows other videos), the table's own
-//! trajectories are cut into five folds and every row is judged by a probe fitted on the other folds ([`Fit::HeldOut`]).
+//! trajectories are cut into five folds and every row is judged by a probe fitted on the other folds ([`Fit::HeldOut`]). A score says which it was ([`Fitting`]).
 //!
 //! Beside each score stands the same probe's on shuffled quantities (fitted on each trajectory's latents with another's quantities): what the number is
 //! worth. The action-only control is the same call on the table of [`past_action_features`](crate::past_actions::past_action_features).
@@ -40,6 +40,16 @@ pub enum Probe {
     Linear,
     /// The mean, or the most frequent class, of the nearest rows.
     Knn,
+}
+
+/// What a probe was fitted on. Numbers that were fitted differently have different names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fitting {
+    /// Other recordings than the judged one, those that were trained on.
+    OtherRecordings,
+    /// The judged table's own other trajectories, fold by fold.
+    CrossValidation,
 }
 
 /// A table and what is to be read from it.
@@ -86,6 +96,8 @@ pub struct ProbeScore {
     pub quantity: String,
     /// Which probe.
     pub probe: Probe,
+    /// What it was fitted on.
+    pub fitting: Fitting,
     /// "R²" or "accuracy".
     pub measure: &'static str,
     /// On trajectories that the probe was not fitted on; interval over state and distractor trajectories.
@@ -96,6 +108,12 @@ pub struct ProbeScore {
     pub chance: f64,
     /// Trajectories that were held out together, one after the other; the number of judged cells or episodes if the probe was fitted elsewhere.
     pub groups: usize,
+}
+
+/// A score as its share of the way from chance to 1: an accuracy over chance, and an R², whose chance is 0, as it is.
+#[must_use]
+pub fn over_chance(score: f64, chance: f64) -> f64 {
+    (score - chance) / (1.0 - chance).max(1e-12)
 }
 
 /// Probe a table for every quantity, linear and kNN.

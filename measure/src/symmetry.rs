@@ -28,6 +28,11 @@ use crate::{Error, Table};
 /// Length of Reacher's upper and lower arm, metres.
 const ARM: f64 = 0.12;
 
+/// Where the fingertip is, metres.
+fn fingertip([shoulder, wrist]: [f64; 2]) -> [f64; 2] {
+    [ARM * (shoulder.cos() + (shoulder + wrist).cos()), ARM * (shoulder.sin() + (shoulder + wrist).sin())]
+}
+
 /// The state of a row of Reacher's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReacherState {
@@ -38,6 +43,13 @@ pub struct ReacherState {
 }
 
 impl ReacherState {
+    /// The state of an arm whose fingertip has the goal `to_target` metres away.
+    #[must_use]
+    pub fn seen_from_the_finger(joints: [f64; 2], to_target: [f64; 2]) -> Self {
+        let [x, y] = fingertip(joints);
+        Self { joints, target: [x + to_target[0], y + to_target[1]] }
+    }
+
     /// Wrist joint's and goal's position in the frame of the upper arm, metres: equal for rotated states, and only for them.
     fn in_arm_frame(self) -> [f32; 4] {
         let (sin, cos) = self.joints[0].sin_cos();
@@ -56,9 +68,7 @@ impl ReacherState {
 
     /// How far the fingertip is from the target, in whole centimetres.
     fn distance(self) -> u32 {
-        let [shoulder, wrist] = self.joints;
-        let tip =
-            [ARM * (shoulder.cos() + (shoulder + wrist).cos()), ARM * (shoulder.sin() + (shoulder + wrist).sin())];
+        let tip = fingertip(self.joints);
         (100.0 * (self.target[0] - tip[0]).hypot(self.target[1] - tip[1])).round() as u32
     }
 

@@ -3,7 +3,7 @@
 //! Checked once, here; the measures trust it. It borrows its columns, so a million latents are held once.
 
 use crate::Error;
-use crate::intervals::Trajectories;
+use crate::intervals::{Trajectories, label};
 
 /// Latents `[rows, dims]` with their keys. All columns have `rows` values; every latent is finite.
 #[derive(Debug, Clone, Copy)]
@@ -93,17 +93,14 @@ impl<'a> Table<'a> {
     /// independent), others by their episode.
     #[must_use]
     pub fn state_trajectories(&self) -> Vec<u32> {
-        let label = |row: usize| self.cell(row).map_or((1, self.episode[row]), |cell| (0, cell.0));
-        number(&(0..self.rows()).map(label).collect::<Vec<(u8, u32)>>())
+        let of = |row: usize| label(self.episode[row], self.cell(row)).0;
+        number(&(0..self.rows()).map(of).collect::<Vec<(u8, u32)>>())
     }
 
     /// What is drawn again for intervals: the cells of a grid by state and by distractor, episodes of other rows.
     #[must_use]
     pub fn trajectories(&self) -> Trajectories {
-        let of = |row: usize| match self.cell(row) {
-            Some((state, distractor)) => ((0, state), Some(distractor)),
-            None => ((1, self.episode[row]), None),
-        };
+        let of = |row: usize| label(self.episode[row], self.cell(row));
         Trajectories::new(&(0..self.rows()).map(of).collect::<Vec<_>>())
     }
 

@@ -10,6 +10,7 @@ use crate::actor::Actor;
 use crate::checkpoint::{load_described, save_described};
 use crate::config::{BehaviourConfig, ModelConfig};
 use crate::critic::Critic;
+use crate::described::{Described, Matrix};
 use crate::error::ModelError;
 use crate::parameters::{read_parameters, write_parameters};
 
@@ -72,5 +73,12 @@ impl Behaviour {
     #[must_use]
     pub fn train(self) -> Self {
         Self { config: self.config, actor: self.actor.train(), critic: self.critic.train(), slow: self.slow }
+    }
+}
+
+impl Described for BehaviourConfig {
+    fn matrices(&self) -> Box<dyn Iterator<Item = Matrix> + '_> {
+        // The other sides are the model's, which is there already.
+        Box::new(std::iter::once(("actor.mlp.second.weight".to_owned(), vec![self.hidden; 2])))
     }
 }

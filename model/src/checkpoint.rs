@@ -11,9 +11,10 @@ use half::f16;
 use half::slice::HalfFloatSliceExt;
 use rand::SeedableRng;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
-use serde::{Serialize, de::DeserializeOwned};
+use serde::Serialize;
 
 use crate::config::ModelConfig;
+use crate::described::{Described, check};
 use crate::error::ModelError;
 use crate::model::Model;
 use crate::parameters::{HostTensor, HostTensors, read_parameters, write_parameters};
@@ -64,12 +65,13 @@ pub(crate) fn save_described(
     save_tensors(path, tensors, HashMap::from([(entry.to_owned(), config)]))
 }
 
-/// Reads a file of [`save_described`].
-pub(crate) fn load_described<C: DeserializeOwned>(path: &Path, entry: &str) -> Result<(HostTensors, C), ModelError> {
+/// Reads a file of [`save_described`], whose description asks for no more than the file holds.
+pub(crate) fn load_described<C: Described>(path: &Path, entry: &str) -> Result<(HostTensors, C), ModelError> {
     let (tensors, metadata) = load_tensors(path)?;
     let config = metadata.get(entry);
     let config = config.ok_or_else(|| not_a_checkpoint(path, format!("it has no metadata entry `{entry}`")))?;
     let config = serde_json::from_str(config).map_err(|error| not_a_checkpoint(path, error))?;
+    check(&config, &tensors)?;
     Ok((tensors, config))
 }
 

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::{load_described, save_described};
 use crate::config::ModelConfig;
+use crate::described::{Described, Matrix};
 use crate::error::ModelError;
 use crate::mlp::{Mlp, MlpConfig};
 use crate::parameters::{read_parameters, write_parameters};
@@ -116,6 +117,12 @@ impl Members {
     /// One unit of what [`Members::expected`] gives, in units of reward.
     pub fn scale(&self) -> f32 {
         self.scale
+    }
+}
+
+impl Described for GuardConfig {
+    fn matrices(&self) -> Box<dyn Iterator<Item = Matrix> + '_> {
+        Box::new((0..self.members).map(|at| (format!("guard.heads.{at}.second.weight"), vec![WIDTH; 2])))
     }
 }
 

@@ -15,6 +15,8 @@
 pub mod adam;
 mod conv3;
 mod convolution;
+#[cfg(test)]
+mod draws;
 mod flex;
 mod imagination;
 mod instructions;

@@ -18,6 +18,7 @@
 //! | [`sac`], [`slow`] | the networks of agents without a world model, and slow copies |
 //! | [`agent`], [`behaviour`] | a trained agent at work; actor and critic together, and their file |
 //! | [`trained`] | whatever was trained, in one shape for everyone who only uses it |
+//! | [`player`] | a trained agent as it plays an episode: its memory of the last action, mode or sample, exploration |
 //! | [`checkpoint`], [`parameters`] | weights on disk and by name |
 //! | [`encode`], [`scale`] | a trained encoder at work, and how raw numbers enter it |
 //!
@@ -35,6 +36,7 @@ pub mod config;
 pub mod critic;
 pub mod cross_entropy;
 pub mod decoder;
+mod described;
 pub mod dynamics;
 pub mod encode;
 pub mod encoder;
@@ -52,6 +54,7 @@ pub mod model;
 pub mod numbers;
 pub mod observe;
 pub mod parameters;
+pub mod player;
 pub mod recurrent;
 pub mod returns;
 pub mod reward;

@@ -6,8 +6,10 @@ use burn::tensor::{Device, Tensor};
 use rand::Rng;
 
 use crate::adversary::Adversary;
-use crate::config::ModelConfig;
+use crate::cnn::CnnConfig;
+use crate::config::{ModelConfig, ObservationKind};
 use crate::decoder::Decoder;
+use crate::described::{Described, Matrix, perceptron, product, sum};
 use crate::dynamics::Dynamics;
 use crate::encoder::Encoder;
 use crate::error::ModelError;
@@ -130,5 +132,87 @@ impl Model {
             tensors.extend(read_parameters(adversary, "adversary"));
         }
         tensors.values().flat_map(|tensor| &tensor.values).copied().find(|weight| !weight.is_finite())
+    }
+}
+
+impl Described for ModelConfig {
+    fn matrices(&self) -> Box<dyn Iterator<Item = Matrix> + '_> {
+        let (hidden, gates) = (self.hidden, product(&[3, self.hidden]));
+        let own = [
+            ("world.encoder.gru.w_hidden".to_owned(), vec![hidden, gates]),
+            ("world.encoder.mean.weight".to_owned(), vec![hidden, self.latent]),
+            ("world.dynamics.gru.w_input".to_owned(), vec![sum(&[self.latent, self.actions()]), gates]),
+        ];
+        let dynamics = perceptron("world.dynamics.head", [hidden, self.head, sum(&[self.latent, 1])]);
+        let heads =
+            self.heads.iter().enumerate().flat_map(|(at, head)| {
+                perceptron(&format!("world.heads.{at}.mlp"), [head.input, self.head, head.output])
+            });
+        Box::new(own.into_iter().chain(dynamics).chain(of_observation(self)).chain(heads))
+    }
+}
+
+/// The matrices that pictures or vectors go through, and come back through where there is a decoder.
+fn of_observation(config: &ModelConfig) -> Vec<Matrix> {
+    let (height, width) = match config.observation {
+        ObservationKind::Pixels { height, width } => (height, width),
+        ObservationKind::Vector { len } => {
+            return perceptron("world.encoder.observe.mlp", [len, config.head, config.hidden]).into();
+        }
+    };
+    // Pictures that are too small are refused when the network is built.
+    let sizes = CnnConfig { height, width, depth: config.depth, output: config.hidden };
+    let maps = sizes.maps().unwrap_or_default();
+    let flat = maps.last().map_or(0, |map| product(map));
+    let layers = maps.windows(2).enumerate().map(|(at, pair)| {
+        let name = format!("world.encoder.observe.cnn.layers.{at}.weight");
+        (name, vec![pair[1][2], pair[0][2], 4, 4])
+    });
+    let mut all: Vec<Matrix> = layers.collect();
+    all.push(("world.encoder.observe.cnn.linear.weight".to_owned(), vec![flat, config.hidden]));
+    if config.decoder {
+        all.push(("world.decoder.picture.linear.weight".to_owned(), vec![config.latent, flat]));
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::described::check;
+    use crate::gaussian::LatentForm;
+    use crate::guard::GuardConfig;
+    use crate::parameters::HostTensors;
+
+    /// Sizes that add up or multiply to more than any memory holds are no tensor's.
+    #[test]
+    fn a_description_of_more_than_the_file_holds_is_refused_before_anything_is_built() {
+        let config = |hidden: usize| ModelConfig {
+            task: "made-up".to_owned(),
+            observation: ObservationKind::Pixels { height: usize::MAX, width: 20 },
+            action_min: vec![-1.0],
+            action_max: vec![1.0],
+            depth: usize::MAX,
+            hidden,
+            head: 16,
+            latent: usize::MAX,
+            latent_std: 0.1,
+            prediction_floor: 0.1,
+            reward_floor: 0.1,
+            reward_scale: 1.0,
+            gru_update_bias: 0.0,
+            adversary: true,
+            decoder: true,
+            heads: Vec::new(),
+            numbers: Vec::new(),
+            latents: LatentForm::UnitNorm,
+            blind_to_actions: false,
+        };
+        for hidden in [0, 1 << 20, usize::MAX] {
+            let error = check(&config(hidden), &HostTensors::new()).expect_err("a missing tensor");
+            assert!(matches!(error, ModelError::MissingTensor { .. }), "{error}");
+        }
+        let members = GuardConfig { members: usize::MAX, shares: 0 };
+        assert!(check(&members, &HostTensors::new()).is_err());
     }
 }

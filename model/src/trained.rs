@@ -149,6 +149,14 @@ impl TrainedAgent {
         }
     }
 
+    /// Lower and upper bounds of its actions.
+    pub fn bounds(&self) -> [&[f32]; 2] {
+        match self {
+            Self::World(agent) => [&agent.config().action_min, &agent.config().action_max],
+            Self::ModelFree(agent) => agent.bounds(),
+        }
+    }
+
     /// What it looks at of a frame that has both.
     pub fn look<'a>(&self, pixels: &'a [u8], observation: &'a [f32]) -> RawFrames<'a> {
         match self.observation() {

@@ -42,7 +42,9 @@ fn assert_near(device: &str, found: &Numbers, expected: &Numbers, tolerance: f32
         let found = &found[name];
         assert_eq!(found.len(), expected.len(), "{device}: {name}");
         let scale = expected.iter().fold(1f32, |most, number| most.max(number.abs()));
-        let difference = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let apart = found.iter().zip(expected).map(|(a, b)| (a - b).abs());
+        // `f32::max` would pass over a difference that is none.
+        let difference = apart.inspect(|apart| assert!(apart.is_finite(), "{apart}")).fold(0.0, f32::max);
         assert!(difference <= tolerance * scale, "{device}: {name}: {difference} of {scale}");
         assert!(found.iter().all(|number| number.is_finite()), "{device}: {name}");
     }

@@ -27,11 +27,18 @@ fn _vibes(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<recording::Windows>()?;
     module.add_class::<world::World>()?;
     module.add_class::<writer::Writer>()?;
-    module.add_function(wrap_pyfunction!(task_names, module)?)
+    module.add_function(wrap_pyfunction!(task_names, module)?)?;
+    module.add_function(wrap_pyfunction!(example_tasks, module)?)
 }
 
 /// The names of the tasks.
 #[pyfunction]
 fn task_names() -> Vec<&'static str> {
     vibes_env::task_names()
+}
+
+/// Every name that the tasks give as an example: a pattern such as `swimmer-N` stands for several.
+#[pyfunction]
+fn example_tasks() -> Vec<&'static str> {
+    vibes_env::all_example_tasks()
 }

@@ -1,6 +1,6 @@
 //! The measures of `vibes-measure` on arrays: one definition of every number, whoever asks.
 //!
-//! In: latents `[rows, dims]` with the key of every row. Out: the measure's own result as a dictionary, numbers with their intervals.
+//! In: latents `[rows, dims]` with the key of every row. Out: dictionaries of numbers with their intervals, under the names that the programs print.
 
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -8,11 +8,12 @@ use pyo3::types::PyDict;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
+use vibes_measure::intervals::Interval;
 use vibes_measure::invariance::{
     Grid, RetrievalOptions, denoising_factor, retrieval_any_step, retrieval_same_step, variance,
 };
 use vibes_measure::neighbours::{Exclude, Metric, Space, nearest};
-use vibes_measure::numbers::{GridOptions, grid_numbers};
+use vibes_measure::numbers::{GridOptions, Number, Numbers, grid_numbers};
 use vibes_measure::past_actions::{past_action_dims, past_action_features};
 use vibes_measure::probes::{Fit, HoldOut, ProbeOptions, Quantity, Sample, Values, probe};
 use vibes_measure::quality::{QualityOptions, quality};
@@ -46,6 +47,13 @@ impl Table {
     fn grid(&self) -> Result<Grid<'_>, vibes_measure::Error> {
         Grid::of_complete_part(self.table()?)
     }
+
+    /// The state trajectory of every row.
+    fn states(&self) -> PyResult<Vec<u32>> {
+        let states = self.grid.as_ref().and_then(|[state, _]| state.iter().copied().collect());
+        let right = "give state and distractor, or exclude trajectory or row";
+        states.ok_or_else(|| refused(format!("exclude state of rows that lie on no grid; {right}")))
+    }
 }
 
 type Done<T> = Result<T, vibes_measure::Error>;
@@ -53,6 +61,22 @@ type Done<T> = Result<T, vibes_measure::Error>;
 /// A result as plain dictionaries, lists and numbers.
 fn plain<'py>(py: Python<'py>, result: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
     Ok(pythonize::pythonize(py, result)?)
+}
+
+/// A number as the programs print it: name, estimate, interval, and what latents that say nothing would give.
+fn number(name: impl Into<String>, value: Interval, chance: f64) -> Number {
+    Number { name: name.into(), value, chance, past_actions: None }
+}
+
+/// Numbers under their names, and one thing more that belongs to them.
+fn beside<'py>(
+    py: Python<'py>,
+    numbers: impl IntoIterator<Item = Number>,
+    (name, more): (&str, &impl Serialize),
+) -> PyResult<Bound<'py, PyAny>> {
+    let out = plain(py, &numbers.into_iter().collect::<Numbers>())?;
+    out.set_item(name, plain(py, more)?)?;
+    Ok(out)
 }
 
 fn metric(name: &str) -> PyResult<Metric> {
@@ -110,7 +134,15 @@ impl Table {
     }
 
     fn variance_shares<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        plain(py, &unlocked(py, || variance(&self.grid()?))?)
+        let split = unlocked(py, || variance(&self.grid()?))?;
+        let noise = split.of_noise;
+        let shares = [
+            number("state_share", split.state, noise.state),
+            number("distractor_share", split.distractor, noise.distractor),
+            number("interaction_share", split.interaction, noise.interaction),
+            number("within_state_share", split.within_state, noise.within_state),
+        ];
+        beside(py, shares, ("by_step", &split.by_step))
     }
 
     fn denoising_factor<'py>(&self, py: Python<'py>, seed: u64) -> PyResult<Bound<'py, PyAny>> {
@@ -135,7 +167,8 @@ impl Table {
                 retrieval_any_step(&grid, RetrievalOptions { k, tolerance, queries }, &mut rng)
             }
         })?;
-        plain(py, &found)
+        let name = if same_step { "retrieval_same_step" } else { "retrieval_any_step" };
+        beside(py, [number(format!("{name}@{k}"), found.found, found.chance)], ("queries", &found.queries))
     }
 
     /// Rows and distances of the nearest, `[queries, k]` each.
@@ -149,10 +182,14 @@ impl Table {
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         self.can_have(k)?;
         let metric = metric(metric_name)?;
+        let states = if exclude == "state" { self.states()? } else { Vec::new() };
         let exclude = match exclude {
             "trajectory" => Exclude::Trajectory,
-            "itself" => Exclude::Itself,
-            other => return Err(refused(format!("unknown exclusion {other:?}, choose one of: trajectory, itself"))),
+            "state" => Exclude::Group(&states),
+            "row" => Exclude::Itself,
+            other => {
+                return Err(refused(format!("unknown exclusion {other:?}, choose one of: trajectory, state, row")));
+            }
         };
         let rows = self.episode.len();
         let asked: Option<Vec<usize>> =
@@ -266,7 +303,12 @@ impl Table {
             let matches = matches(&table, &states, &pairs, apart, options, &mut rng)?;
             symmetry(&table, &matches, options, &mut rng)
         })?;
-        plain(py, &found)
+        let numbers = [
+            number("symmetry_ratio", found.ratio, 1.0),
+            number("symmetry_percentile", found.percentile, 0.5),
+            number("symmetry_percentile_equal_distance", found.percentile_equal_distance, 0.5),
+        ];
+        beside(py, numbers, ("pairs", &found.pairs))
     }
 
     /// How many dimensions the cloud of latents fills.

@@ -69,7 +69,7 @@ impl World {
         unlocked(py, || -> Result<Self, String> {
             let videos = Arc::new(options.open_videos().map_err(|error| error.to_string())?);
             let environment = options.environment().map_err(|error| error.to_string())?;
-            let spec = options.spec(&environment);
+            let spec = environment.spec(options.size);
             let episode_steps = environment.episode_steps();
             let pool = threads
                 .map(|threads| ThreadPoolBuilder::new().num_threads(threads).thread_name(|_| "vibes".into()).build());

@@ -2,7 +2,6 @@
 //!
 //! In: a world, or the shape of somebody else's episodes; a seed. Out: a folder that the three programs read.
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -10,7 +9,8 @@ use numpy::{Element, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::json;
-use vibes_data::{CameraPose, Episode, EpisodeInfo, FORMAT, Grid, Manifest, RecordingWriter, Spec};
+use vibes_data::{CameraPose, Episode, EpisodeInfo, Grid, Manifest, RecordingWriter, Spec};
+use vibes_env::Heading;
 
 use crate::error::{refused, unlocked};
 use crate::keeper::Keeper;
@@ -58,7 +58,8 @@ impl Writer {
             return Err(refused(format!("{fault}; a recording has smaller sizes, equal bounds and a clock")));
         }
         let options = json!({ "recorded_by": "python" });
-        Self::open(py, path, manifest(spec, options, seed, Vec::new(), grid.map(cells).transpose()?), mcap)
+        let heading = Heading { spec, options, seed, grid: grid.map(cells).transpose()?, videos: Vec::new() };
+        Self::open(py, path, heading.manifest(), mcap)
     }
 
     /// Where it lies.
@@ -197,26 +198,6 @@ fn cells((states, distractors): (u32, u32)) -> PyResult<Grid> {
     }
 }
 
-fn manifest(
-    spec: Spec,
-    options: serde_json::Value,
-    seed: u64,
-    videos: Vec<vibes_data::Video>,
-    grid: Option<Grid>,
-) -> Manifest {
-    let versions = [("vibes", env!("CARGO_PKG_VERSION")), ("mujoco", "3.17.0"), ("dm_control models", "1.0.50")];
-    Manifest {
-        format: FORMAT.into(),
-        spec,
-        options,
-        seed,
-        versions: versions.map(|(name, version)| (name.into(), version.into())).into_iter().collect::<BTreeMap<_, _>>(),
-        grid,
-        videos,
-        episodes: Vec::new(),
-    }
-}
-
 /// The manifest that `vibes-collect` would write for the same task, distractors and videos; without a grid `episodes` is not known
 /// beforehand.
 fn world_manifest(world: &World, seed: u64, grid: Option<Grid>) -> Manifest {
@@ -239,5 +220,6 @@ fn world_manifest(world: &World, seed: u64, grid: Option<Grid>) -> Manifest {
     if !options.axis_seeds.is_empty() {
         asked["axis_seeds"] = json!(options.axis_seeds);
     }
-    manifest(world.recording_spec().clone(), asked, seed, world.video_library().videos().to_vec(), grid)
+    let (spec, videos) = (world.recording_spec().clone(), world.video_library().videos().to_vec());
+    Heading { spec, options: asked, seed, grid, videos }.manifest()
 }

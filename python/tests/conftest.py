@@ -1,5 +1,7 @@
-"""What the tests share: the sample recording of the repository, and recordings made by vibes-collect where it is built."""
+"""What the tests share: the sample recording of the repository, and recordings made by vibes-collect. Nothing is skipped: what a test needs and does not find is
+a failure that names the command which puts it there."""
 
+import importlib.util
 import os
 import shutil
 import subprocess
@@ -8,13 +10,21 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("vibes", "dm_control", "dm_env", "gymnasium", "hypothesis", "polars", "stable_baselines3", "torch", "torchrl")
 
 
 def program(name):
     """A program of the toolkit, from the path or from cargo's folder."""
     target = os.environ.get("CARGO_TARGET_DIR")
     found = shutil.which(name) or (target and shutil.which(name, path=f"{target}/debug"))
-    return found or pytest.skip(f"{name} is not built")
+    return found or pytest.fail(f"{name} is not built; run make python-test, which builds it", pytrace=False)
+
+
+def pytest_configure():
+    """Says how the packages come here that the tests import."""
+    missing = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
+    if missing:
+        pytest.exit(f"these tests need {', '.join(missing)}; run make python-test, which installs what python/tests/requirements.txt lists", 1)
 
 
 def collect(*words):

@@ -20,7 +20,7 @@ recording = vibes.open(SAMPLE)
 assert recording.windows(length=4, batch=2)[0]["pixels"].shape[:2] == (2, 4)
 observations = np.concatenate([episode.observation for episode in recording])
 table = vibes.measures.Table(observations, recording=recording)
-assert vibes.measures.variance_shares(table)["state"]["estimate"] > 0.9
+assert vibes.measures.variance_shares(table)["state_share"]["estimate"] > 0.9
 for door, needs in [(vibes.make, "gymnasium"), (vibes.make_vec, "gymnasium"), (vibes.make_dm, "dm-env")]:
     try:
         door()

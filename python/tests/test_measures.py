@@ -20,19 +20,20 @@ def grid(states=6, distractors=5, steps=8, dims=4, state=1.0, distractor=0.0, no
 def test_shares_are_those_that_were_put_in():
     pure, _ = grid(noise=1e-3)
     shares = measures.variance_shares(pure)
-    assert shares["state"]["estimate"] > 0.999 and shares["state"]["low"] <= shares["state"]["estimate"] <= shares["state"]["high"]
+    assert shares["state_share"]["estimate"] > 0.999
+    assert shares["state_share"]["low"] <= shares["state_share"]["estimate"] <= shares["state_share"]["high"]
     even, _ = grid(states=40, distractors=40, distractor=1.0)
     shares = measures.variance_shares(even)
-    assert shares["state"]["estimate"] == pytest.approx(0.5, abs=0.05) and shares["distractor"]["estimate"] == pytest.approx(0.5, abs=0.05)
-    assert sum(shares[name]["estimate"] for name in ["state", "distractor", "interaction"]) == pytest.approx(1)
+    assert all(shares[name]["estimate"] == pytest.approx(0.5, abs=0.05) for name in ["state_share", "distractor_share"])
+    assert sum(shares[name]["estimate"] for name in ["state_share", "distractor_share", "interaction_share"]) == pytest.approx(1)
 
 
 @pytest.mark.parametrize("among", ["same_step", "any_step"])
 def test_retrieval_finds_states_and_not_noise(among):
-    found = measures.retrieval(grid(noise=1e-3)[0], among=among)
-    assert found["found"]["estimate"] == 1 and found["chance"] < 0.2
-    blind = measures.retrieval(grid(state=0, noise=1)[0], among=among)
-    assert blind["found"]["estimate"] == pytest.approx(blind["chance"], abs=0.15)
+    found = measures.retrieval(grid(noise=1e-3)[0], among=among)[f"retrieval_{among}@1"]
+    assert found["estimate"] == 1 and found["chance"] < 0.2
+    blind = measures.retrieval(grid(state=0, noise=1)[0], among=among)[f"retrieval_{among}@1"]
+    assert blind["estimate"] == pytest.approx(blind["chance"], abs=0.15)
 
 
 def test_all_numbers_of_a_grid_stand_beside_chance_and_the_control():
@@ -42,7 +43,16 @@ def test_all_numbers_of_a_grid_stand_beside_chance_and_the_control():
     for name in ["retrieval_same_step@1", "retrieval_same_step@3", "retrieval_any_step@1", "state_share", "distractor_share", "denoising_factor", "effective_rank"]:
         assert set(numbers[name]) >= {"estimate", "low", "high", "chance", "past_actions"}, name
     assert numbers["state_share"]["estimate"] > numbers["state_share"]["past_actions"]["estimate"]
-    assert numbers["state_share"]["estimate"] == measures.variance_shares(table)["state"]["estimate"]
+
+
+def test_a_number_alone_has_the_name_and_value_that_it_has_among_all():
+    table, _ = grid(noise=0.1, distractor=0.3)
+    alone = measures.variance_shares(table) | measures.retrieval(table, k=3) | measures.retrieval(table, among="any_step", k=3)
+    numbers = measures.grid_numbers(table, k=(3,))
+    assert set(numbers) - set(alone) == {"denoising_factor", "effective_rank"} and set(alone) - set(numbers) == {"by_step", "queries"}
+    for name in set(numbers) & set(alone):
+        assert alone[name] == numbers[name], name
+    assert measures.denoising_factor(table).items() <= numbers["denoising_factor"].items()
 
 
 def test_neighbours_are_those_of_brute_force():
@@ -57,6 +67,14 @@ def test_neighbours_are_those_of_brute_force():
         expected = np.argsort(distance)[:4]
         np.testing.assert_array_equal(rows, expected)
         np.testing.assert_allclose(distances, distance[expected], rtol=1e-5)
+
+
+def test_neighbours_leave_out_what_they_are_told_to():
+    table, keys = grid(noise=1e-3)
+    trajectory, state, row = (measures.neighbours(table, [9], k=3, exclude=exclude)["rows"][0] for exclude in ("trajectory", "state", "row"))
+    assert 9 not in row and keys["state"][row].tolist() == [0, 0, 0]
+    assert keys["state"][trajectory].tolist() == [0, 0, 0] and keys["episode"][9] not in keys["episode"][trajectory]
+    assert 0 not in keys["state"][state]
 
 
 def test_probes_read_what_is_there():
@@ -99,9 +117,10 @@ def test_symmetry_of_reacher():
     pixels = np.stack([np.cos(shoulder), np.sin(shoulder), *target.T * 5], 1)
     symmetric = measures.Table(np.stack([np.cos(relative), np.sin(relative), wrist], 1), episode=episode, step=step)
     found = measures.symmetry(symmetric, np.stack([shoulder, wrist], 1), target, pixels)
-    assert found["ratio"]["estimate"] < 0.2 and found["percentile"]["estimate"] > 0.9 and len(found["pairs"]) > 100
+    assert found["symmetry_ratio"]["estimate"] < 0.2 and found["symmetry_percentile"]["estimate"] > 0.9 and len(found["pairs"]) > 100
+    assert found["symmetry_ratio"]["chance"] == 1 and found["symmetry_percentile_equal_distance"]["chance"] == 0.5
     not_so = measures.Table(pixels, episode=episode, step=step)
-    assert measures.symmetry(not_so, np.stack([shoulder, wrist], 1), target, pixels)["ratio"]["estimate"] > 0.5
+    assert measures.symmetry(not_so, np.stack([shoulder, wrist], 1), target, pixels)["symmetry_ratio"]["estimate"] > 0.5
 
 
 def test_rows_of_a_recording_are_its_keys(sample):
@@ -110,7 +129,7 @@ def test_rows_of_a_recording_are_its_keys(sample):
     table = measures.Table(observation, recording=recording)
     assert len(table) == sum(episode.steps + 1 for episode in recording)
     shares = measures.variance_shares(table)
-    assert shares["state"]["estimate"] == pytest.approx(1) and shares["distractor"]["estimate"] == pytest.approx(0, abs=1e-6)
+    assert shares["state_share"]["estimate"] == pytest.approx(1) and shares["distractor_share"]["estimate"] == pytest.approx(0, abs=1e-6)
     control = measures.past_actions_table(recording)
     assert len(control) == len(table)
     numbers = measures.grid_numbers(table, past_actions=control, k=[1])
@@ -131,7 +150,8 @@ def test_errors_name_what_would_be_right():
         (lambda: measures.neighbours(table, k=10**9), "no more than the rows"),
         (lambda: measures.neighbours(table, [10**6]), "past the table"),
         (lambda: measures.neighbours(table, metric="city"), "standardized, euclidean, cosine"),
-        (lambda: measures.neighbours(table, exclude="all"), "trajectory, itself"),
+        (lambda: measures.neighbours(table, exclude="all"), "trajectory, state, row"),
+        (lambda: measures.neighbours(measures.Table(np.eye(4), episode=[0, 0, 1, 1], step=[0, 1, 0, 1]), k=1, exclude="state"), "on no grid"),
         (lambda: measures.probes(table, {"a": np.zeros(3)}), "a"),
         (lambda: measures.probes(table, {"a": np.zeros(len(table))}, hold_out={"b": "state"}), "no quantities"),
         (lambda: measures.umap(table, neighbours=1), "at least 2"),

@@ -3,6 +3,7 @@
 import subprocess
 
 import numpy as np
+import polars
 import pytest
 import vibes
 from conftest import ROOT, program
@@ -21,7 +22,6 @@ def test_it_says_what_it_is(model):
 
 
 def test_latents_are_those_of_vibes_train_encode(model, recorded, tmp_path):
-    polars = pytest.importorskip("polars")
     path = recorded("--task", "cartpole-swingup", "--grid", "2x2", "--steps", "9", "--seed", "3")
     done = subprocess.run([program("vibes-train"), "encode", CHECKPOINT, path, "-o", tmp_path / "latents.arrow"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

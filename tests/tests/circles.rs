@@ -1,11 +1,18 @@
-//! No circles between the modules of a package: of two modules side by side, whatever lies below them, one may use the other and not both.
+//! No circles between the modules of a package: of two modules side by side, whatever lies below them, one may use the other and not both. Of a module and one
+//! that lies in it both may use the other (types and helpers of the outer one are shared by all in it), but a function of the outer one that calls the inner one is
+//! not called from there.
 //!
 //! A simple reading of the sources: paths that begin with `crate::` or `super::`, re-exports followed, test code left out.
 
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
+#[path = "circles/source.rs"]
+mod source;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+
+use source::{code_of, functions};
 
 /// A module's path from its crate's root.
 type Module = Vec<String>;
@@ -40,12 +47,6 @@ fn read(folder: &Path, module: &mut Module, package: &mut Package) {
             module.pop();
         }
     }
-}
-
-/// The text without comments, strings' worth of prose, and what comes after the first `#[cfg(test)]`.
-fn code_of(text: &str) -> String {
-    let text = text.split("#[cfg(test)]").next().unwrap_or_default();
-    text.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")
 }
 
 /// Every path of a use tree that begins at `text`, as in `a::{b, c::d}`.
@@ -143,25 +144,78 @@ impl Package {
         module
     }
 
-    /// Which module uses which.
-    fn edges(&self) -> BTreeSet<(Module, Module)> {
-        let mut edges = BTreeSet::new();
-        for (module, text) in &self.modules {
-            for start in ["crate::", "super::"] {
-                for (at, _) in text.match_indices(start) {
-                    // `super::super::x` is read once, from its beginning; `$crate` is a macro's.
-                    if text[..at].ends_with("::") || text[..at].ends_with('$') {
-                        continue;
-                    }
-                    let mut paths = Vec::new();
+    /// The paths that a module names, from its crate's root.
+    fn paths(&self, module: &Module) -> Vec<Vec<String>> {
+        let text = &self.modules[module];
+        let mut paths = Vec::new();
+        for start in ["crate::", "super::"] {
+            for (at, _) in text.match_indices(start) {
+                // `super::super::x` is read once, from its beginning; `$crate` is a macro's.
+                if !text[..at].ends_with("::") && !text[..at].ends_with('$') {
                     tree(&text[at..], &[], &mut paths);
-                    for path in paths.iter().filter_map(|path| Self::absolute(module, path)) {
-                        edges.insert((module.clone(), self.module_of(&path, 0)));
-                    }
                 }
             }
         }
-        edges
+        paths.iter().filter_map(|path| Self::absolute(module, path)).collect()
+    }
+
+    /// Which module uses which.
+    fn edges(&self) -> BTreeSet<(Module, Module)> {
+        let of = |module: &Module| {
+            let used = self.paths(module).into_iter();
+            used.map(|path| (module.clone(), self.module_of(&path, 0))).collect::<Vec<_>>()
+        };
+        self.modules.keys().flat_map(of).collect()
+    }
+
+    /// The modules in a module that each of its functions calls, over its other functions too.
+    fn inner_of_functions(&self, module: &Module) -> BTreeMap<String, BTreeSet<String>> {
+        let functions = functions(&self.modules[module]);
+        let mut found = BTreeMap::new();
+        for name in functions.keys() {
+            let (mut open, mut seen) = (vec![name.as_str()], BTreeSet::from([name.as_str()]));
+            let mut inner = BTreeSet::new();
+            while let Some(text) = open.pop().and_then(|name| functions.get(name)) {
+                for (word, is_path) in words(text).filter(|(word, _)| !seen.contains(word)).collect::<Vec<_>>() {
+                    if functions.contains_key(word) {
+                        seen.insert(word);
+                        open.push(word);
+                    } else {
+                        inner.extend(self.inner_of(module, word, is_path));
+                    }
+                }
+            }
+            found.insert(name.clone(), inner);
+        }
+        found
+    }
+
+    /// The module within a module that a word of it is, if a path begins with it, or that the word is imported from.
+    fn inner_of(&self, module: &Module, word: &str, is_path: bool) -> Option<String> {
+        let itself = [module.as_slice(), &[word.to_owned()]].concat();
+        let path = self.aliases.get(&(module.clone(), word.to_owned())).or(Some(&itself).filter(|_| is_path))?;
+        let inner = path.strip_prefix(module.as_slice())?.first()?;
+        self.modules.contains_key(&[module.as_slice(), std::slice::from_ref(inner)].concat()).then(|| inner.clone())
+    }
+
+    /// Circles of a module and one that lies in it, as `a::run → a/b → a::run`.
+    fn circles_inward(&self) -> BTreeSet<String> {
+        let mut found = BTreeSet::new();
+        for outer in self.modules.keys() {
+            let inner_of = self.inner_of_functions(outer);
+            let lies_in = |path: &[String]| path.len() > outer.len() && path.starts_with(outer);
+            for module in self.modules.keys().filter(|module| lies_in(module)) {
+                let calls_back = |path: &Vec<String>| {
+                    let inner = inner_of.get(&path[outer.len()]);
+                    inner.is_some_and(|inner| inner.contains(&module[outer.len()]))
+                };
+                for path in self.paths(module).iter().filter(|path| lies_in(path)).filter(|path| calls_back(path)) {
+                    let function = path[..=outer.len()].join("::");
+                    found.insert(format!("{function} → {} → {function}", module.join("/")));
+                }
+            }
+        }
+        found
     }
 
     /// Circles among modules that lie side by side, as `a → b → a`.
@@ -169,7 +223,7 @@ impl Package {
         let mut beside: BTreeMap<Module, BTreeMap<String, BTreeSet<String>>> = BTreeMap::new();
         for (from, to) in self.edges() {
             let shared = from.iter().zip(&to).take_while(|(a, b)| a == b).count();
-            // One above the other is no circle: a module speaks for what lies in it.
+            // One above the other is no circle here: a module speaks for what lies in it. See `circles_inward`.
             if let (Some(a), Some(b)) = (from.get(shared), to.get(shared)) {
                 beside.entry(from[..shared].to_vec()).or_default().entry(a.clone()).or_default().insert(b.clone());
             }
@@ -189,6 +243,16 @@ impl Package {
         }
         found
     }
+}
+
+/// The words of a text, and whether a path goes on behind each.
+fn words(text: &str) -> impl Iterator<Item = (&str, bool)> {
+    let starts = text.match_indices(|c: char| c.is_alphanumeric() || c == '_').map(|(at, _)| at);
+    let starts = starts.filter(|&at| !text[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_'));
+    starts.map(|at| {
+        let word = text[at..].split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or_default();
+        (word, text[at + word.len()..].starts_with("::"))
+    })
 }
 
 /// The shortest way from a module over what it uses back to itself.
@@ -220,7 +284,8 @@ fn no_package_has_a_circle_of_modules() {
     for member in manifest["workspace"]["members"].as_array().unwrap() {
         let member = member.as_str().unwrap();
         let package = Package::open(&root.join(member));
-        found.extend(package.circles().into_iter().map(|circle| format!("{member}: {circle}")));
+        let circles = package.circles().into_iter().chain(package.circles_inward());
+        found.extend(circles.map(|circle| format!("{member}: {circle}")));
     }
     assert!(found.is_empty(), "circles:\n{}", found.join("\n"));
 }
@@ -244,4 +309,18 @@ fn a_planted_circle_is_found_through_a_re_export_and_below_a_module() {
     write("c/e.rs", "fn f() -> super::d::Y {}\n");
     let circles: Vec<String> = Package::open(folder.path()).circles().into_iter().collect();
     assert_eq!(circles, ["a → b → a", "c: d → e → d"]);
+}
+
+#[test]
+fn a_planted_circle_of_a_module_and_one_within_it_is_found_and_a_shared_helper_is_none() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir_all(folder.path().join("src/a")).unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join("src").join(name), text).unwrap();
+    write("lib.rs", "mod a;\n");
+    write("a.rs", "mod b;\nuse b::Thing;\nstruct All(Thing);\nfn run(all: All) { b::run() }\nfn help() {}\n");
+    write("a/b.rs", "use super::help;\npub struct Thing;\npub fn run() { help() }\n");
+    assert_eq!(Package::open(folder.path()).circles_inward(), BTreeSet::new());
+    write("a/b.rs", "pub struct Thing;\npub fn run() { super::run(crate::a::All(Thing)) }\n");
+    let circles: Vec<String> = Package::open(folder.path()).circles_inward().into_iter().collect();
+    assert_eq!(circles, ["a::run → a/b → a::run"]);
 }

@@ -41,8 +41,8 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-const METRICS: &str = r#"{"update":20,"objective":1.0,"dynamics_log_likelihood":1.0,"reward_log_likelihood":1.0,"gradient_norm":1.0,"encoder_gradient_norm":1.0,"effective_rank":2.0,"latent_variance":0.5,"updates_per_second":3.0,"frames_per_second":30.0,"waiting_share":0.0}
-{"update":40,"objective":2.0,"dynamics_log_likelihood":1.5,"reward_log_likelihood":1.0,"gradient_norm":1.0,"encoder_gradient_norm":1.0,"effective_rank":2.5,"latent_variance":0.5,"updates_per_second":3.0,"frames_per_second":30.0,"waiting_share":0.0}
+const METRICS: &str = r#"{"update":20,"objective":1.0,"dynamics_log_likelihood":1.0,"reward_log_likelihood":1.0,"gradient_norm":1.0,"encoder_gradient_norm":1.0,"batch_effective_rank":2.0,"latent_variance":0.5,"updates_per_second":3.0,"frames_per_second":30.0,"waiting_share":0.0}
+{"update":40,"objective":2.0,"dynamics_log_likelihood":1.5,"reward_log_likelihood":1.0,"gradient_norm":1.0,"encoder_gradient_norm":1.0,"batch_effective_rank":2.5,"latent_variance":0.5,"updates_per_second":3.0,"frames_per_second":30.0,"waiting_share":0.0}
 "#;
 
 #[test]
@@ -248,7 +248,7 @@ fn an_option_that_has_no_effect_is_an_error() {
         ("vibes-analyze scene lived --replay --color weather", "--color"),
         ("vibes-analyze scene lived --replay --method pca", "--method"),
         ("vibes-analyze scene lived --seed 3", "--seed"),
-        ("vibes-analyze table run --metrics effective_rank --lower gap", "--lower"),
+        ("vibes-analyze table run --metrics batch_effective_rank --lower gap", "--lower"),
         ("vibes-analyze report sample --join notes.csv", "--join"),
     ] {
         let said = said(folder, line, 2);

@@ -19,7 +19,6 @@ struct Allowance {
 /// Named by a package that uses nothing of it, and why that is right.
 const UNUSED_ON_PURPOSE: &[(&str, &str)] = &[
     ("tests", "regex-syntax"), // so that builds with and without tests select the same features, and build it once
-    ("collect", "mcap"),       // by fuzz/readers.rs, which its tests include
 ];
 
 fn root() -> PathBuf {
@@ -124,6 +123,8 @@ fn packages_use_what_they_name() {
         sources(&root().join(folder).join("src"), &mut text);
         text += &std::fs::read_to_string(root().join(folder).join("build.rs")).unwrap_or_default();
         sources(&root().join(folder).join("tests"), &mut test_text);
+        // What its tests/fuzz.rs includes.
+        test_text += &std::fs::read_to_string(root().join(format!("fuzz/readers/{folder}.rs"))).unwrap_or_default();
         let uses = |text: &str, name: &str| {
             let name = name.replace('-', "_");
             [format!("{name}::"), format!("use {name};"), format!("use {name} as")]

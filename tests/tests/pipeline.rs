@@ -79,8 +79,6 @@ fn is_a_picture(stem: &Path) {
     assert!(svg.contains("<path") || svg.contains("<image"), "{}: nothing is drawn: {svg:.300}", stem.display());
 }
 
-/// One definition for every number: latents measured by the trainer, and the same latents measured from disk by the analyzer, give the same numbers under the same
-/// names, to the last digit.
 /// Agents without a world model, stacks and a GRU: a run of theirs is a policy, and its latents are encoded, evaluated and drawn like any other's.
 #[test]
 fn a_run_without_a_world_model_is_a_run() {
@@ -105,15 +103,23 @@ fn a_run_without_a_world_model_is_a_run() {
     }
 }
 
+/// One definition for every number: latents measured by the trainer, and the same latents measured from disk by the analyzer, give the same numbers under the same
+/// names, to the last digit: fitted on several recordings, one of which shows another's states again, too.
 #[test]
 fn both_programs_print_the_same_numbers_under_the_same_names() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     run(folder, "vibes-collect --episodes 4 --steps 24 --video-count 2 --seed 1 -o recordings/train");
+    run(folder, "vibes-collect render recordings/train --seed 9 --video-count 2 --no-mcap -o recordings/view");
+    run(folder, "vibes-collect --episodes 3 --steps 24 --video-count 2 --seed 5 --no-mcap -o recordings/more");
     run(folder, "vibes-collect --grid 3x3 --steps 24 --video-set val --video-count 3 --seed 2 -o recordings/grid");
-    run(folder, "vibes-train offline recordings/train --preset tiny --updates 6 -o runs/tiny");
+    let recordings = ["train", "view", "more"];
+    let trained_on = recordings.map(|name| format!("recordings/{name}")).join(" ");
+    run(folder, &format!("vibes-train offline {trained_on} --preset tiny --updates 6 -o runs/tiny"));
     run(folder, "vibes-train encode runs/tiny recordings/grid");
-    run(folder, "vibes-train encode runs/tiny recordings/train -o runs/tiny/training.arrow");
+    for name in recordings {
+        run(folder, &format!("vibes-train encode runs/tiny recordings/{name} -o runs/tiny/fit-{name}.arrow"));
+    }
     let json = |line: &str| -> serde_json::Value { serde_json::from_str(&run(folder, line)).unwrap() };
     let alike = |trained: &serde_json::Value, analyzed: &serde_json::Value, least: usize| {
         let analyzed = analyzed["numbers"].as_object().unwrap();
@@ -122,14 +128,29 @@ fn both_programs_print_the_same_numbers_under_the_same_names() {
             assert_eq!(&trained["report"]["numbers"][name], number, "{name}");
         }
     };
-    let grid = "recordings/grid --gap-updates 0 --json";
-    let fitted_on_training = json(&format!("vibes-train evaluate runs/tiny {grid}"));
+    let evaluate = "vibes-train evaluate runs/tiny recordings/grid --gap-updates 0 --json";
+    let probe = "vibes-analyze probe runs/tiny/latents.arrow --json";
+    let fits = recordings.map(|name| format!("--fit runs/tiny/fit-{name}.arrow")).join(" ");
+    let named = |document: &serde_json::Value, family: &str| {
+        let numbers = document["numbers"].as_object().unwrap();
+        numbers.keys().filter(|name| name.split('/').next() == Some(family)).count()
+    };
+    let fitted_on_training = json(evaluate);
     alike(&fitted_on_training, &json("vibes-analyze invariance runs/tiny/latents.arrow --json"), 10);
-    let fit = "--fit runs/tiny/training.arrow";
-    alike(&fitted_on_training, &json(&format!("vibes-analyze probe runs/tiny/latents.arrow {fit} --json")), 16);
-    let held_out = json(&format!("vibes-train evaluate runs/tiny {grid} --probe-episodes 0"));
-    alike(&held_out, &json("vibes-analyze probe runs/tiny/latents.arrow --json"), 16);
-    assert!(held_out["report"]["numbers"]["probe/target in arm's frame, ahead/s"].is_object(), "{held_out}");
+    let probed = json(&format!("{probe} {fits}"));
+    alike(&fitted_on_training, &probed, 16);
+    assert!(named(&probed, "probe") > 5 && named(&probed, "probe_cross_validated") == 1, "{probed}");
+    assert_eq!(probed["fitted_on"]["numbers"]["episodes"], fitted_on_training["report"]["fitted_on"]);
+    // The cap on episodes spreads over all recordings, in both alike.
+    let few = json(&format!("{evaluate} --probe-episodes 4"));
+    assert_eq!(few["report"]["fitted_on"], 4);
+    alike(&few, &json(&format!("{probe} {fits} --probe-episodes 4")), 16);
+    let cross_validated = json(&format!("{evaluate} --probe-episodes 0"));
+    let probed = json(probe);
+    alike(&cross_validated, &probed, 16);
+    assert_eq!((named(&probed, "probe"), named(&probed, "probe_knn")), (0, 0), "{probed}");
+    let name = "probe_cross_validated/target in arm's frame, ahead/s";
+    assert!(cross_validated["report"]["numbers"][name].is_object(), "{cross_validated}");
 }
 
 #[test]

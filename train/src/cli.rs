@@ -64,7 +64,7 @@ enum Command {
     Keep(keep::KeepArgs),
     /// Measure how long an update takes, by part.
     Bench(bench::BenchArgs),
-    /// Train many runs from one plan: grids, lists, seeds; here or by Slurm, xargs, Ray.
+    /// Train many runs from one plan: grids, lists, seeds; here or by Slurm, xargs, GNU parallel.
     Sweep(sweep::SweepArgs),
 }
 
@@ -88,7 +88,7 @@ fn dispatch(cli: Cli) -> anyhow::Result<Ending> {
     match cli.command {
         Command::Offline(args) => return offline::run(&context, args),
         Command::Online(args) => return online::run(&context, &args),
-        Command::Sweep(args) => return sweep::run(&context, &args),
+        Command::Sweep(args) => return sweep::run(&context, &args, dispatch),
         Command::Encode(args) => encode::run(&context, &args)?,
         Command::Decode(args) => decode::run(&context, &args)?,
         Command::Evaluate(args) => evaluate::run(&context, &args)?,

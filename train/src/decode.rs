@@ -12,6 +12,7 @@ use rand::seq::{SliceRandom as _, index};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use vibes_data::{Decoded, DecodedRow, EpisodeView, Recording, relative_place};
+use vibes_measure::r_squared::{Squares, together};
 use vibes_model::decoder::Decoder;
 use vibes_model::dynamics::Dynamics;
 use vibes_model::kernels::pixel_tensor;
@@ -322,30 +323,23 @@ impl Strip {
     }
 }
 
-/// Share of the pixels' variance that pictures explain, summed over all strips.
+/// Share of the pixels' variance that pictures explain: R² of all pixels of all strips together, each about its own mean.
 #[derive(Debug, Default)]
 struct Explained {
-    frames: Vec<Vec<u8>>,
-    error: f64,
+    /// Of every pixel's channels.
+    pixels: Vec<Squares>,
 }
 
 impl Explained {
     fn add(&mut self, recorded: &[u8], shown: &[u8]) {
-        self.error += recorded.iter().zip(shown).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum::<f64>();
-        self.frames.push(recorded.to_vec());
+        self.pixels.resize(recorded.len(), Squares::default());
+        let pairs = recorded.iter().zip(shown).map(|(&recorded, &shown)| (f64::from(recorded), f64::from(shown)));
+        self.pixels.iter_mut().zip(pairs).for_each(|(pixel, (recorded, shown))| pixel.add(recorded, shown));
     }
 
-    /// Against the mean picture of the rows shown.
+    /// None where no pixel varies.
     fn share(&self) -> Option<f64> {
-        let count = self.frames.len() as f64;
-        let pixels = self.frames.first()?.len();
-        let spread = |pixel: usize| {
-            let values = || self.frames.iter().map(|frame| f64::from(frame[pixel]));
-            let mean = values().sum::<f64>() / count;
-            values().map(|value| (value - mean).powi(2)).sum::<f64>()
-        };
-        let total: f64 = (0..pixels).map(spread).sum();
-        (total > 0.0).then(|| 1.0 - self.error / total)
+        Some(together(&self.pixels)).filter(|share| share.is_finite())
     }
 }
 

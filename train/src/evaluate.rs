@@ -9,6 +9,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use vibes_data::Recording;
+use vibes_measure::episodes::PROBE_EPISODES;
 use vibes_measure::invariance::{Dropped, Grid};
 use vibes_measure::numbers::{GridOptions, Numbers, grid_numbers, probe_numbers};
 use vibes_measure::probes::{Fit, ProbeOptions, ProbeScore, Quantity, Sample, probe};
@@ -27,7 +28,7 @@ pub use feature_table::Features;
 pub use features::features;
 pub use gaps::{GapOptions, Gaps, Judged, Likelihoods, gaps};
 pub use open_loop::open_loop;
-pub use rows::{Acting, Rows};
+pub use rows::{Acting, Rows, trajectories};
 
 /// How to evaluate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,14 +41,14 @@ pub struct EvaluateOptions {
 
 impl Default for EvaluateOptions {
     fn default() -> Self {
-        Self { probe_episodes: 100, seed: 0 }
+        Self { probe_episodes: PROBE_EPISODES, seed: 0 }
     }
 }
 
 /// The numbers of one evaluation.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
-    /// The grid's numbers of the latents, and `probe/QUANTITY/FEATURES` of every table of features.
+    /// The grid's numbers of the latents, and of every table of features what probes read (`probe/QUANTITY/FEATURES`, or `probe_cross_validated/…`).
     pub numbers: Numbers,
     /// What every quantity is about: `task`, `symmetry` or `distractor`.
     pub quantities: BTreeMap<String, &'static str>,

@@ -31,8 +31,9 @@ pub struct Row {
     /// The encoder's part of it.
     pub encoder_gradient_norm: f64,
     /// Effective rank of the latents' means in the last of these updates: exp of the entropy of their covariance's eigenvalues, 1 when they vary along
-    /// one line only.
-    pub effective_rank: f64,
+    /// one line only. Older runs call it `effective_rank`, the name of the number of a grid.
+    #[serde(alias = "effective_rank")]
+    pub batch_effective_rank: f64,
     /// Variance of the latents' means in that update, summed over dimensions; at most 1.
     pub latent_variance: f64,
     /// Updates a second.
@@ -86,7 +87,7 @@ impl Averages {
         let names = measures.first().map(|first| first.stated.keys().copied()).into_iter().flatten();
         let stated = |name: &'static str| (name.to_owned(), mean(&|m| m.stated.get(name).copied().unwrap_or(f32::NAN)));
         let means = measures.last().map_or(&[][..], |last| &last.latent_means);
-        let (effective_rank, latent_variance) =
+        let (batch_effective_rank, latent_variance) =
             spectrum(means, latent).map_or((f64::NAN, f64::NAN), |found| (found.effective_rank, found.variance));
         let seconds = elapsed.as_secs_f64().max(1e-9);
         Row {
@@ -97,7 +98,7 @@ impl Averages {
             dynamics_weight: mean(&|m| m.dynamics_weight),
             gradient_norm: mean(&|m| m.gradient_norm),
             encoder_gradient_norm: mean(&|m| m.encoder_gradient_norm),
-            effective_rank,
+            batch_effective_rank,
             latent_variance,
             updates_per_second: count / seconds,
             frames_per_second: frames as f64 / seconds,

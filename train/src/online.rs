@@ -30,6 +30,7 @@ use vibes_model::agent::Agent;
 use vibes_model::behaviour::Behaviour;
 use vibes_model::checkpoint::{load_tensors, save_tensors};
 use vibes_model::guard::Guard;
+use vibes_model::player::Player;
 use vibes_model::returns::ReturnScale;
 use vibes_model::trained::TrainedAgent;
 
@@ -355,9 +356,7 @@ impl Training<'_> {
         let number = self.state.episodes;
         let seed = self.setup.run.info().options.seed;
         Task {
-            agent,
-            choice: Choice::Sample,
-            exploration: self.setup.options.exploration,
+            player: agent.map(|agent| Player::new(agent, Choice::Sample, self.setup.options.exploration)),
             videos: VideoSet::Train,
             seed: episode_seed(seed, EpisodeKind::Training, u64::from(number)),
             keep: Some((number, policy)),

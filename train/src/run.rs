@@ -341,7 +341,7 @@ impl Heads<'_> {
 
 /// Versions of what the numbers depend on.
 pub fn versions() -> BTreeMap<String, String> {
-    let versions = [("vibes-train", env!("CARGO_PKG_VERSION")), ("burn", "0.22.1")];
+    let versions = [("vibes-train", env!("CARGO_PKG_VERSION")), ("burn", env!("VIBES_BURN_VERSION"))];
     versions.into_iter().map(|(name, version)| (name.to_owned(), version.to_owned())).collect()
 }
 

@@ -5,6 +5,8 @@ use std::fmt::Write;
 
 use serde_json::Value as Json;
 use vibes_data::{Metrics, RunFolder, write_atomically};
+use vibes_measure::numbers::probe_family;
+use vibes_measure::probes::{Fitting, Probe};
 
 use crate::error::Result;
 use crate::evaluate::open_loop::AHEAD;
@@ -178,14 +180,14 @@ fn progress(page: &mut String, info: &RunInfo, last: &Row) {
     };
     row("log-likelihood of the next latent under the dynamics, nats", Some(last.dynamics_log_likelihood));
     row("… under the adversary, after its step", last.stated("adversary_log_likelihood"));
-    row("adversary minus dynamics", last.stated("gap"));
+    row("adversary minus dynamics", last.stated("adversary_minus_dynamics"));
     row("share of clipped terms", last.stated("clipped_share"));
     row("log-likelihood of the reward, nats", Some(last.reward_log_likelihood));
     row("log-likelihood of the observation, up to a constant", last.stated("reconstruction_log_likelihood"));
     for term in REGISTRY {
         row(&term.metric().replace('_', " "), last.stated(term.metric()));
     }
-    row("effective rank of the latents", Some(last.effective_rank));
+    row("effective rank of a batch's latents", Some(last.batch_effective_rank));
     row("variance of the latents (at most 1)", Some(last.latent_variance));
     row("norm of the gradient", Some(last.gradient_norm));
     row("updates a second", Some(last.updates_per_second));
@@ -245,32 +247,41 @@ fn number(line: &Json, name: &str, part: &str) -> Option<f64> {
 
 fn probes(page: &mut String, last: &Json) {
     let numbers = last["numbers"].as_object();
-    let of_s = |name: &String| Some(name.strip_prefix("probe/")?.strip_suffix("/s")?.to_owned());
-    let names: Vec<String> = numbers.into_iter().flat_map(|numbers| numbers.keys()).filter_map(of_s).collect();
+    let families = [Fitting::OtherRecordings, Fitting::CrossValidation].map(|fit| probe_family(Probe::Linear, fit));
+    let of_s = |name: &&String| {
+        name.split('/').next().is_some_and(|family| families.contains(&family)) && name.ends_with("/s")
+    };
+    let names: Vec<String> = numbers.into_iter().flat_map(|numbers| numbers.keys()).filter(of_s).cloned().collect();
     push(
         page,
-        "\n| read from the latent by a linear probe (R²; accuracy for video) | latents | past actions | chance |",
+        "\n| read from the latent by a linear probe (R²; accuracy of classes) | latents | past actions | chance |",
     );
     push(page, "|---|---|---|---|");
     let (colors, single): (Vec<String>, Vec<String>) = names.into_iter().partition(|name| is_color(name));
     for name in &single {
-        let kind = last["quantities"][name].as_str().unwrap_or("");
-        push(page, &format!("| {kind}: {name} | {} |", values(last, std::slice::from_ref(name))));
+        let kind = last["quantities"][quantity(name)].as_str().unwrap_or("");
+        push(page, &format!("| {kind}: `{name}` | {} |", values(last, std::slice::from_ref(name))));
     }
     if !colors.is_empty() {
         push(page, &format!("| distractor: colours, mean of {} | {} |", colors.len(), values(last, &colors)));
     }
 }
 
-/// Whether a quantity is one of the many of the materials' colours.
+/// The quantity that a probe's number is of, as in `probe/QUANTITY/s`.
+fn quantity(name: &str) -> &str {
+    let behind = name.split_once('/').map_or(name, |(_, behind)| behind);
+    behind.rsplit_once('/').map_or(behind, |(quantity, _)| quantity)
+}
+
+/// Whether the number is of one of the many quantities of the materials' colours.
 fn is_color(name: &str) -> bool {
-    [" red", " green", " blue"].iter().any(|channel| name.ends_with(channel))
+    [" red", " green", " blue"].iter().any(|channel| quantity(name).ends_with(channel))
 }
 
 /// Means over quantities, as cells of a table.
 fn values(last: &Json, names: &[String]) -> String {
     let mean = |part: &str| {
-        let of = |name: &String| number(last, &format!("probe/{name}/s"), part);
+        let of = |name: &String| number(last, name, part);
         names.iter().filter_map(of).sum::<f64>() / names.len().max(1) as f64
     };
     ["/estimate", "/past_actions/estimate", "/chance"].map(|part| format!("{:.3}", mean(part))).join(" | ")

@@ -65,7 +65,9 @@ fn measured(folder: &Path, run: &str) -> Vec<(String, f64)> {
 
 fn furthest(a: &[f32], b: &[f32]) -> f32 {
     assert_eq!(a.len(), b.len());
-    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    let apart = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+    // `f32::max` would pass over a difference that is none.
+    apart.inspect(|apart| assert!(apart.is_finite(), "a difference of {apart}")).fold(0.0, f32::max)
 }
 
 #[test]

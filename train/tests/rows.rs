@@ -3,16 +3,22 @@
 
 mod synthetic;
 
+use std::collections::BTreeSet;
+
 use synthetic::{SIDE, recording};
 use vibes_data::Recording;
-use vibes_train::evaluate::Rows;
+use vibes_train::evaluate::{self, Rows};
 
-/// State trajectories among all rows of some recordings.
+/// State trajectories among all rows of some recordings, as probes and as the intervals of gaps count them.
 fn trajectories(recordings: &[Recording]) -> usize {
     let rows = Rows::of(recordings, usize::MAX).unwrap();
     let past = rows.past_actions();
     let states = rows.table(&past).unwrap().state_trajectories();
-    states.into_iter().max().map_or(0, |last| last as usize + 1)
+    let of_probes = states.into_iter().max().map_or(0, |last| last as usize + 1);
+    let labels = evaluate::trajectories(recordings).unwrap();
+    let of_gaps = labels.values().map(|label| label.0).collect::<BTreeSet<_>>().len();
+    assert_eq!(of_gaps, of_probes);
+    of_probes
 }
 
 #[test]

@@ -29,18 +29,38 @@ pub(super) struct Options {
     #[arg(long, value_enum, default_value_t = Way::Kmeans)]
     by: Way,
     /// k-means: how many groups.
-    #[arg(long, default_value_t = 8)]
+    #[arg(long, default_value_t = CLUSTERS)]
     clusters: usize,
     /// DBSCAN: how many rows within reach of a row make it part of a group.
-    #[arg(long, default_value_t = 10)]
+    #[arg(long, default_value_t = MIN_POINTS)]
     min_points: usize,
     /// DBSCAN: how far is within reach, in standard deviations of the latents.
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = REACH)]
     reach: f64,
     /// Columns to set beside the groups, of the latents' table or of one that is joined: each colours the same map once more, and numbers have a line in
     /// the table.
     #[arg(long, value_name = "COLUMN,…", value_delimiter = ',')]
     color: Vec<String>,
+}
+
+/// What the options are unless they are given.
+const CLUSTERS: usize = 8;
+const MIN_POINTS: usize = 10;
+const REACH: f64 = 1.0;
+
+impl Options {
+    /// The options of a verb that is run by another: what is not named has its default.
+    pub(super) fn of(input: Input) -> Self {
+        Self {
+            given: Given::default(),
+            input,
+            by: Way::Kmeans,
+            clusters: CLUSTERS,
+            min_points: MIN_POINTS,
+            reach: REACH,
+            color: Vec::new(),
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]

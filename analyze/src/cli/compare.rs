@@ -1,6 +1,6 @@
 //! `compare`: two or more tables of latents of the same recording side by side, as from several objectives or checkpoints.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
@@ -10,7 +10,7 @@ use super::{Globals, Outcome, wrong};
 use crate::figures::{Bar, BarGroup, Bars, Figure};
 use vibes_measure::intervals::Interval;
 use vibes_measure::invariance::Grid;
-use vibes_measure::neighbours::{Exclude, Metric, Space, nearest};
+use vibes_measure::neighbours::{Exclude, Metric, Neighbours, Space, nearest};
 use vibes_measure::numbers::{GridOptions, Numbers, grid_numbers};
 
 /// Compare several tables of latents of one recording: how invariant each is, and how many neighbours they have in common.
@@ -30,12 +30,20 @@ pub(super) struct Options {
     note: Option<String>,
 }
 
+impl Options {
+    /// The options of a verb that is run by another: what is not named has its default.
+    pub(super) fn of(tables: &[PathBuf], output: &Path, seed: u64, note: Option<&str>) -> Self {
+        let output = Some(output.to_path_buf());
+        Self { tables: tables.to_vec(), output, seed, note: note.map(String::from) }
+    }
+}
+
 /// The numbers of one table.
 struct Row {
     name: String,
     /// Of the grid; none of latents that lie on none.
     numbers: Numbers,
-    near: Vec<Vec<u32>>,
+    near: Neighbours,
 }
 
 impl Row {
@@ -69,7 +77,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let rows = sessions.iter_mut().zip(&names).map(|(session, name)| measure(session, name));
     let rows = rows.collect::<anyhow::Result<Vec<_>>>()?;
     let remarks: Vec<String> = sessions[1..].iter_mut().flat_map(|s| std::mem::take(&mut s.outcome.remarks)).collect();
-    let agreement: Vec<f64> = rows.iter().map(|r| agreement(&rows[0], r)).collect();
+    let agreement: Vec<f64> = rows.iter().map(|r| rows[0].near.shared_with(&r.near)).collect();
     let mut session = sessions.remove(0);
     for remark in remarks {
         if !session.outcome.remarks.contains(&remark) {
@@ -150,15 +158,7 @@ fn measure(session: &mut Session, name: &str) -> anyhow::Result<Row> {
     let count = session.latents.len();
     let queries: Vec<usize> = (0..QUERIES.min(count)).map(|i| i * count / QUERIES.min(count)).collect();
     let near = nearest(&space, &queries, K, Exclude::Trajectory)?;
-    let near = (0..queries.len()).map(|q| near.rows(q).to_vec()).collect();
     Ok(Row { name: name.into(), numbers, near })
-}
-
-/// Share of the first table's neighbours that the other has too.
-fn agreement(first: &Row, other: &Row) -> f64 {
-    let shared: usize =
-        first.near.iter().zip(&other.near).map(|(a, b)| a.iter().filter(|row| b.contains(row)).count()).sum();
-    shared as f64 / (first.near.len() * K) as f64
 }
 
 fn draw(session: &Session, rows: &[Row], agreement: &[f64]) -> Bars {

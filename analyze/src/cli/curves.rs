@@ -1,7 +1,7 @@
 //! `curves`: how training went, over any number of runs.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use serde_json::json;
@@ -42,6 +42,14 @@ pub(super) struct Options {
     /// A line under the title of every figure.
     #[arg(long, value_name = "TEXT")]
     note: Option<String>,
+}
+
+impl Options {
+    /// The options of a verb that is run by another: what is not named has its default.
+    pub(super) fn of(runs: Vec<PathBuf>, output: &Path, note: Option<&str>) -> Self {
+        let (output, note) = (Some(output.to_path_buf()), note.map(String::from));
+        Self { runs, metrics: Vec::new(), table: None, by: By::Auto, output, note }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -321,7 +329,7 @@ fn numbers(table: &Table) -> serde_json::Value {
         .collect()
 }
 
-fn write_curves(out: &std::path::Path, curves: &[Shown<'_>]) -> anyhow::Result<PathBuf> {
+fn write_curves(out: &Path, curves: &[Shown<'_>]) -> anyhow::Result<PathBuf> {
     let rows: Vec<(&Shown<'_>, &GroupCurve, &CurvePoint)> = curves
         .iter()
         .flat_map(|shown| shown.curves.iter().flat_map(move |c| c.points.iter().map(move |p| (shown, c, p))))

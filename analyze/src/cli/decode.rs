@@ -23,7 +23,7 @@ pub(super) struct Options {
     #[arg(value_name = "RUN", required = true)]
     runs: Vec<PathBuf>,
     /// Most strips to draw.
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    #[arg(long, value_name = "N", default_value_t = STRIPS)]
     strips: usize,
     /// Where the output goes [default: the folder `figures` in the first run].
     #[arg(short, long, value_name = "FOLDER")]
@@ -31,6 +31,17 @@ pub(super) struct Options {
     /// A line under the title of the figure.
     #[arg(long, value_name = "TEXT")]
     note: Option<String>,
+}
+
+/// Strips that are drawn unless another number is asked for.
+const STRIPS: usize = 3;
+
+impl Options {
+    /// The options of a verb that is run by another: what is not named has its default.
+    pub(super) fn of(runs: &[PathBuf], output: &Path, note: Option<&str>) -> Self {
+        let output = Some(output.to_path_buf());
+        Self { runs: runs.to_vec(), strips: STRIPS, output, note: note.map(String::from) }
+    }
 }
 
 /// One run's pictures.

@@ -1,6 +1,7 @@
 //! `grid`: Figure 4a of the paper for any n × m.
 
 use std::collections::BTreeSet;
+use std::fmt;
 use std::str::FromStr;
 
 use serde_json::json;
@@ -24,7 +25,7 @@ pub(super) struct Options {
     #[command(flatten)]
     map: MapOptions,
     /// Panels to draw, states x distractors; the whole grid if it is smaller.
-    #[arg(long, value_name = "NxM", default_value = "4x4")]
+    #[arg(long, value_name = "NxM", default_value_t = PANELS)]
     panels: Size,
     /// State trajectories to draw, in place of the first N.
     #[arg(long, value_name = "S,…", value_delimiter = ',')]
@@ -37,11 +38,35 @@ pub(super) struct Options {
     color: Option<String>,
 }
 
+/// Panels that are drawn unless others are asked for.
+const PANELS: Size = Size { states: 4, distractors: 4 };
+
+impl Options {
+    /// The options of a verb that is run by another: what is not named has its default.
+    pub(super) fn of(input: TableInput) -> Self {
+        Self {
+            given: Given::default(),
+            input,
+            map: MapOptions::default(),
+            panels: PANELS,
+            states: Vec::new(),
+            distractors: Vec::new(),
+            color: None,
+        }
+    }
+}
+
 /// A grid's size as it is typed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Size {
     states: usize,
     distractors: usize,
+}
+
+impl fmt::Display for Size {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.states, self.distractors)
+    }
 }
 
 impl FromStr for Size {
@@ -60,7 +85,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         return Err(wrong("--panels has no effect where --states and --distractors name all panels; leave it out"));
     }
     let given = json!({
-        "map": options.map.json(), "panels": format!("{}x{}", options.panels.states, options.panels.distractors), "color": options.color,
+        "map": options.map.json(), "panels": options.panels.to_string(), "color": options.color,
     });
     let color: Vec<String> = options.color.iter().cloned().collect();
     let mut session = Session::open_with(&(&options.input).into(), globals, "grid", given, &color)?;

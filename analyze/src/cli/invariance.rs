@@ -21,14 +21,22 @@ pub(super) struct Options {
     #[command(flatten)]
     input: Input,
     /// Neighbours looked at by the retrievals.
-    #[arg(long, short, value_delimiter = ',', default_values_t = [1, 5])]
+    #[arg(long, short, value_delimiter = ',', default_values_t = GridOptions::default().k)]
     k: Vec<usize>,
     /// A neighbour of the same state trajectory counts if it is at most this many steps away.
-    #[arg(long, default_value_t = 2)]
+    #[arg(long, default_value_t = GridOptions::default().tolerance)]
     tolerance: u32,
     /// Most rows that `retrieval_any_step` asks about; `retrieval_same_step` asks about every cell and step.
-    #[arg(long, default_value_t = 2000)]
+    #[arg(long, default_value_t = GridOptions::default().queries)]
     queries: usize,
+}
+
+impl Options {
+    /// The options of a verb that is run by another: what is not named has its default.
+    pub(super) fn of(input: Input) -> Self {
+        let GridOptions { k, tolerance, queries, .. } = GridOptions::default();
+        Self { input, k, tolerance, queries }
+    }
 }
 
 /// A number with its interval and what needs no latent, by what it is of and what it is called.

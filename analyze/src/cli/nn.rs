@@ -27,18 +27,18 @@ pub(super) struct Options {
     #[command(flatten)]
     input: Input,
     /// How many queries to draw.
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = QUERIES)]
     queries: usize,
     /// The queries, named by episode and step, in place of drawn ones.
     #[arg(long, value_name = "EPISODE:STEP,…", value_delimiter = ',', conflicts_with_all = ["queries", "select"])]
     rows: Vec<RowKey>,
     /// Neighbours of each query.
-    #[arg(long, short, default_value_t = 5)]
+    #[arg(long, short, default_value_t = K)]
     k: usize,
     /// The distance: standardized (each dimension divided by its standard deviation over the table), euclidean or cosine.
     #[arg(long, default_value = "standardized")]
     metric: Metric,
-    /// How queries are drawn: `random`, or `mix` of half on-goal and half off-goal rows (reward above and below half of the largest).
+    /// How queries are drawn: `random`, or `mix` of half rows of high and half of low reward (above and below half of the largest).
     #[arg(long, value_enum, default_value_t = Select::Random)]
     select: Select,
     /// Which rows cannot be neighbours: those of the query's `trajectory` (its episode), those of its `state` trajectory on a grid, or only the `row` itself
@@ -46,6 +46,18 @@ pub(super) struct Options {
     /// same; else trajectory].
     #[arg(long, value_enum)]
     exclude: Option<Excluded>,
+}
+
+/// Queries and neighbours of each, unless other numbers are asked for.
+const QUERIES: usize = 20;
+const K: usize = 5;
+
+impl Options {
+    /// The options of a verb that is run by another: what is not named has its default.
+    pub(super) fn of(input: Input) -> Self {
+        let (metric, select) = (Metric::Standardized, Select::Random);
+        Self { input, queries: QUERIES, rows: Vec::new(), k: K, metric, select, exclude: None }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -159,31 +171,31 @@ fn choose(options: &Options, session: &mut Session) -> anyhow::Result<Vec<usize>
     Ok(chosen)
 }
 
-/// Half the queries on goal, half off goal; if there are too few of one kind, more of the other.
+/// Half the queries of high reward, half of low; if there are too few of one kind, more of the other.
 fn mix(session: &Session, queries: usize, rng: &mut impl Rng) -> anyhow::Result<Vec<usize>> {
-    let Some(goal) = goal(session) else {
+    let Some(high) = high_reward(session) else {
         return Err(wrong(
             "--select mix needs rewards, these latents have none (or all the same); use --select random",
         ));
     };
-    let side = |on: bool| -> Vec<usize> {
+    let side = |is_high: bool| -> Vec<usize> {
         let reward = &session.latents.reward;
-        (0..reward.len()).filter(|&row| reward[row].is_some_and(|r| (r >= goal) == on)).collect()
+        (0..reward.len()).filter(|&row| reward[row].is_some_and(|r| (r >= high) == is_high)).collect()
     };
-    let (on, off) = (side(true), side(false));
-    let from_off = queries.div_ceil(2).min(off.len());
-    let from_on = (queries - from_off).min(on.len());
-    let from_off = (queries - from_on).min(off.len());
+    let (above, below) = (side(true), side(false));
+    let from_below = queries.div_ceil(2).min(below.len());
+    let from_above = (queries - from_below).min(above.len());
+    let from_below = (queries - from_above).min(below.len());
     let mut draw = |rows: &[usize], count: usize| -> Vec<usize> {
         index::sample(rng, rows.len(), count).into_iter().map(|i| rows[i]).collect()
     };
-    let mut chosen = draw(&on, from_on);
-    chosen.extend(draw(&off, from_off));
+    let mut chosen = draw(&above, from_above);
+    chosen.extend(draw(&below, from_below));
     Ok(chosen)
 }
 
-/// Half the largest reward: rows that earn at least this are on goal. None without rewards that differ.
-fn goal(session: &Session) -> Option<f32> {
+/// Half the largest reward: rows that earn at least this have a high one. None without rewards that differ.
+fn high_reward(session: &Session) -> Option<f32> {
     let rewards = session.latents.reward.iter().flatten().copied().filter(|r| r.is_finite());
     let (lo, hi) = rewards.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), r| (lo.min(r), hi.max(r)));
     (lo < hi && hi > 0.0).then_some(hi / 2.0)
@@ -273,14 +285,14 @@ fn draw(
         session
             .remark(format!("the sheet shows the first {SHOWN} of {} queries; the numbers are of all", queries.len()));
     }
-    let goal = goal(session);
+    let high = high_reward(session);
     let latents = &session.latents;
     let thumb = |row: usize| {
         let (episode, step) = (latents.episode[row], latents.step[row]);
         Thumb { name: format!("{episode}:{step}"), pixels: frames.picture(episode, step) }
     };
-    let remark = |row: usize| match (goal, latents.reward[row]) {
-        (Some(goal), Some(reward)) => if reward >= goal { "on goal" } else { "off goal" }.to_string(),
+    let remark = |row: usize| match (high, latents.reward[row]) {
+        (Some(high), Some(reward)) => if reward >= high { "high reward" } else { "low reward" }.to_string(),
         _ => String::new(),
     };
     let neighbours =

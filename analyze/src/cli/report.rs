@@ -8,17 +8,18 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use clap::{CommandFactory as _, Parser};
 use serde_json::{Value, json};
 
 use super::maps::MapOptions;
 use super::session::{Input, Session};
-use super::{Cli, Globals, Outcome, dispatch, say};
+use super::{
+    Globals, Outcome, clusters, compare, curves, decode, grid, invariance, nn, probe, say, symmetry, umap, wrong,
+};
 use crate::input::Run;
 use crate::report::{Chapter, Page, Section, Shown, write};
 use maps::live_map;
 use verdict::{Known, verdict};
-use words::questions;
+use words::{Verb, questions};
 
 /// Write one HTML page about one or more runs: the verdict in one table, every figure and number, and interactive maps.
 ///
@@ -50,11 +51,18 @@ pub(super) struct Options {
     /// A table of your own (CSV, Parquet, Arrow, npz), joined on episode and step, or on episode alone; may be given several times.
     #[arg(long, value_name = "TABLE")]
     join: Vec<PathBuf>,
+    /// Latents of the same model that probes of numbers are fitted on, as of a training recording, where the report is of one run; may be given several times
+    /// [default: probes are cross-validated].
+    #[arg(long, value_name = "LATENTS")]
+    fit: Vec<PathBuf>,
 }
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
     if options.points == 0 {
-        return Err(super::wrong("--points is 0, at least 1 is needed"));
+        return Err(wrong("--points is 0, at least 1 is needed"));
+    }
+    if options.runs.len() > 1 && !options.fit.is_empty() {
+        return Err(wrong("--fit names latents of one model, and these are several runs; write a report of each"));
     }
     let inputs: Vec<Option<&Path>> =
         if options.runs.is_empty() { vec![None] } else { options.runs.iter().map(|r| Some(r.as_path())).collect() };
@@ -68,7 +76,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         task = task.or(session.frames()?.map(|frames| frames.recording().manifest().spec.task.clone()));
         let run =
             Run::read(input.filter(|path| path.is_dir()).unwrap_or(session.path.parent().unwrap_or(Path::new("."))));
-        let (chapter, documents) = chapter(options, globals, session, (title, &folder), &mut page, task.as_deref())?;
+        let (chapter, documents) = chapter(options, globals, session, (title, &folder), &mut page)?;
         known.push(Known { name: chapter.title.clone(), documents, run: run.ok() });
         page.chapters.push(chapter);
     }
@@ -76,9 +84,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     if options.runs.len() > 1 {
         page.chapters.push(side_by_side(options, globals, &out));
     }
-    let runs: Vec<&PathBuf> = options.runs.iter().filter(|r| Run::read(r).is_ok()).collect();
+    let runs: Vec<PathBuf> = options.runs.iter().filter(|r| Run::read(r).is_ok()).cloned().collect();
     if !runs.is_empty() {
-        page.chapters.push(training(options, globals, &runs, &out));
+        page.chapters.push(training(options, globals, runs, &out));
     }
     page.verdict = verdict(&known);
     let names: Vec<&str> = known.iter().map(|known| known.name.as_str()).collect();
@@ -138,7 +146,6 @@ fn chapter(
     mut session: Session,
     (title, folder): (String, &Path),
     page: &mut Page,
-    task: Option<&str>,
 ) -> anyhow::Result<(Chapter, BTreeMap<&'static str, Value>)> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create the folder {}", folder.display()))?;
     session.out = folder.to_path_buf();
@@ -148,19 +155,20 @@ fn chapter(
     }
     let made = MapOptions::default().map(&mut session, globals)?;
     page.maps.push(live_map(options, &session, &title, &made, frames.as_ref())?);
-    let rotates = frames.as_ref().is_some_and(super::symmetry::applies);
+    let rotates = frames.as_ref().is_some_and(symmetry::applies);
     let (mut sections, mut documents) = (Vec::new(), BTreeMap::new());
-    for question in questions(task).into_iter().filter(|question| question.verb != "symmetry" || rotates) {
-        say(globals, format_args!("report: {}", question.verb));
-        let latents = session.path.display().to_string();
+    let spec = frames.as_ref().map(|frames| &frames.recording().manifest().spec);
+    for question in questions(spec).into_iter().filter(|question| question.verb != Verb::Symmetry || rotates) {
+        let verb = question.verb.name();
+        say(globals, format_args!("report: {verb}"));
         let section = Section { title: question.title.into(), reading: question.reading, ..Section::default() };
-        let (section, document) = answer(options, &[question.verb, &latents], folder, section);
+        let (section, document) = answer(ask(options, question.verb, &session.path, folder), section);
         sections.push(section);
-        documents.insert(question.verb, document);
+        documents.insert(verb, document);
     }
     if let Some(run) = session.path.parent().filter(|run| run.join("decoded.arrow").is_file()) {
         let section = Section { title: SHOWN.0.into(), reading: SHOWN.1.into(), ..Section::default() };
-        sections.push(answer(options, &["decode", &run.display().to_string()], folder, section).0);
+        sections.push(answer(strips(options, &[run.to_path_buf()], folder), section).0);
     }
     let l = &session.latents;
     // The last names say which checkpoint it is; where it lies on this machine is nobody's business.
@@ -173,24 +181,31 @@ fn chapter(
     Ok((Chapter { title, origin, sections }, documents))
 }
 
-/// Runs a verb as if it had been typed and puts its figures and its line into the section; a verb that fails says why.
-fn answer(options: &Options, words: &[&str], folder: &Path, mut section: Section) -> (Section, Value) {
-    let folder = folder.display().to_string();
-    let typed = [&["vibes-analyze"], words, &["--quiet", "-o", &folder]].concat();
-    let mut typed: Vec<String> = typed.into_iter().map(String::from).collect();
-    // A verb refuses options that it has no use for.
-    let verb = Cli::command().find_subcommand(words[0]).cloned().unwrap_or_default();
-    let takes = |option: &str| verb.get_arguments().any(|argument| argument.get_id() == option);
-    if takes("seed") {
-        typed.extend(["--seed".into(), options.seed.to_string()]);
+/// What the verbs that a report runs may print: nothing.
+const SILENT: Globals = Globals { verbose: false, quiet: true, json: false };
+
+/// Runs a verb on one table of latents.
+fn ask(options: &Options, verb: Verb, latents: &Path, folder: &Path) -> anyhow::Result<Outcome> {
+    let (recording, note) = (options.recording.as_deref(), options.note.as_deref());
+    let input = Input::named(Some(latents), recording, Some(folder), options.seed, note);
+    match verb {
+        Verb::Nn => nn::run(&nn::Options::of(input), &SILENT),
+        Verb::Umap => umap::run(&umap::Options::of(input.into_table()), &SILENT),
+        Verb::Grid => grid::run(&grid::Options::of(input.into_table()), &SILENT),
+        Verb::Clusters => clusters::run(&clusters::Options::of(input), &SILENT),
+        Verb::Invariance => invariance::run(&invariance::Options::of(input), &SILENT),
+        Verb::Probe => probe::run(&probe::Options::of(input, &options.fit), &SILENT),
+        Verb::Symmetry => symmetry::run(&symmetry::Options::of(input), &SILENT),
     }
-    if let Some(note) = &options.note {
-        typed.extend(["--note".into(), note.clone()]);
-    }
-    if let Some(recording) = options.recording.as_ref().filter(|_| takes("recording")) {
-        typed.extend(["--recording".into(), recording.display().to_string()]);
-    }
-    let outcome = Cli::try_parse_from(typed).map_err(anyhow::Error::from).and_then(|cli| dispatch(&cli));
+}
+
+/// What decoders draw from the latents of some runs.
+fn strips(options: &Options, runs: &[PathBuf], folder: &Path) -> anyhow::Result<Outcome> {
+    decode::run(&decode::Options::of(runs, folder, options.note.as_deref()), &SILENT)
+}
+
+/// Puts the figures and the line of a verb into the section; a verb that failed says why.
+fn answer(outcome: anyhow::Result<Outcome>, mut section: Section) -> (Section, Value) {
     match outcome {
         Ok(outcome) => {
             let svg = outcome.files.iter().filter(|f| f.extension().is_some_and(|e| e == "svg"));
@@ -212,36 +227,29 @@ fn answer(options: &Options, words: &[&str], folder: &Path, mut section: Section
 /// The chapter on several tables of latents: which is better?
 fn side_by_side(options: &Options, globals: &Globals, out: &Path) -> Chapter {
     say(globals, "report: compare");
-    let names: Vec<String> = options.runs.iter().map(|r| r.display().to_string()).collect();
-    let words: Vec<&str> = std::iter::once("compare").chain(names.iter().map(String::as_str)).collect();
     let reading = "Tables of the same recording. Good: the share of the state high, that of the distractor low, the same state found far more often than by chance.";
     let section = Section { title: "Which is more invariant?".into(), reading: reading.into(), ..Section::default() };
-    let mut sections = vec![answer(options, &words, out, section).0];
+    let compared = compare::Options::of(&options.runs, out, options.seed, options.note.as_deref());
+    let mut sections = vec![answer(compare::run(&compared, &SILENT), section).0];
     if options.runs.iter().all(|run| run.join("decoded.arrow").is_file()) {
-        let words: Vec<&str> = std::iter::once("decode").chain(names.iter().map(String::as_str)).collect();
         let section = Section { title: SHOWN.0.into(), reading: SHOWN.1.into(), ..Section::default() };
-        sections.push(answer(options, &words, out, section).0);
+        sections.push(answer(strips(options, &options.runs, out), section).0);
     }
-    Chapter { title: "Side by side".into(), origin: shown_names(&names), sections }
+    Chapter { title: "Side by side".into(), origin: shown_names(&options.runs), sections }
 }
 
 /// Runs as they are named in the page: by their folders, not by where these lie on this machine.
-fn shown_names(paths: &[String]) -> String {
-    let name =
-        |path: &String| Path::new(path).file_name().map_or_else(|| path.clone(), |n| n.to_string_lossy().into_owned());
+fn shown_names(paths: &[PathBuf]) -> String {
+    let name = |path: &PathBuf| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
     paths.iter().map(name).collect::<Vec<_>>().join(", ")
 }
 
 /// The chapter on training: curves over all runs.
-fn training(options: &Options, globals: &Globals, runs: &[&PathBuf], out: &Path) -> Chapter {
+fn training(options: &Options, globals: &Globals, runs: Vec<PathBuf>, out: &Path) -> Chapter {
     say(globals, "report: curves");
-    let names: Vec<String> = runs.iter().map(|r| r.display().to_string()).collect();
-    let words: Vec<&str> = std::iter::once("curves").chain(names.iter().map(String::as_str)).collect();
-    let reading = "Log-likelihoods in nats a row; the gap is the adversary's minus the dynamics', and falls to 0 for a bisimulation.";
+    let reading = "Log-likelihoods in nats a row, on the batches of training. A held-out gap is by how much a critic that sees the whole history predicts better than heads refitted on the model's own state and the action (h, s, a); it falls to 0 for a bisimulation.";
     let section = Section { title: "How did training go?".into(), reading: reading.into(), ..Section::default() };
-    Chapter {
-        title: "Training".into(),
-        origin: shown_names(&names),
-        sections: vec![answer(options, &words, out, section).0],
-    }
+    let origin = shown_names(&runs);
+    let curves = curves::run(&curves::Options::of(runs, out, options.note.as_deref()), &SILENT);
+    Chapter { title: "Training".into(), origin, sections: vec![answer(curves, section).0] }
 }

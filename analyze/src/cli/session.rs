@@ -85,6 +85,11 @@ impl Input {
         Self { table, recording: owned(recording), no_frames: false }
     }
 
+    /// The same for a verb that never looks into the recording.
+    pub(super) fn into_table(self) -> TableInput {
+        self.table
+    }
+
     /// The folder that was named, if it is one.
     pub(super) fn folder(&self) -> Option<&Path> {
         self.table.latents.as_deref().or(self.table.input.as_deref()).filter(|path| path.is_dir())

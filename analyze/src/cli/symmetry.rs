@@ -7,7 +7,7 @@ use rand::Rng;
 use rand::seq::SliceRandom;
 use rand::seq::index::sample;
 use serde_json::json;
-use vibes_data::Latents;
+use vibes_data::{About, Latents, Spec};
 
 use super::invariance::{ends, text};
 use super::session::{Input, Session};
@@ -32,10 +32,10 @@ pub(super) struct Options {
     #[command(flatten)]
     input: Input,
     /// Most pairs to compare.
-    #[arg(long, default_value_t = 500)]
+    #[arg(long, default_value_t = PAIRS)]
     pairs: usize,
     /// Most that arm and goal of a pair may differ once turned back, metres.
-    #[arg(long, default_value_t = 0.02)]
+    #[arg(long, default_value_t = TOLERANCE)]
     tolerance: f64,
     /// Latents of the same rows turned about the origin (of a recording by `vibes-collect render --rotate`), in place of rotations found in the data.
     #[arg(long, value_name = "LATENTS")]
@@ -43,6 +43,18 @@ pub(super) struct Options {
     /// The recording of the rotated latents [default: the one that they name].
     #[arg(long, value_name = "FOLDER", requires = "rotated")]
     rotated_recording: Option<PathBuf>,
+}
+
+/// Most pairs, unless another number is asked for.
+const PAIRS: usize = 500;
+/// How far a pair may differ, unless told otherwise, metres.
+const TOLERANCE: f64 = 0.02;
+
+impl Options {
+    /// The options of a verb that is run by another: what is not named has its default.
+    pub(super) fn of(input: Input) -> Self {
+        Self { input, pairs: PAIRS, tolerance: TOLERANCE, rotated: None, rotated_recording: None }
+    }
 }
 
 /// Pairs shown as pictures.
@@ -232,57 +244,45 @@ impl Rows {
     }
 }
 
-/// Whether the recording is of Reacher, with all that the measure needs.
+/// Whether the recording is of a task with the symmetry, and has all that the measure needs.
 pub(super) fn applies(frames: &Frames) -> bool {
-    let spec = &frames.recording().manifest().spec;
-    spec.task.starts_with("reacher")
-        && spec.qpos == 2
-        && spec.observation.iter().any(|part| part.name == "to_target" && part.len == 2)
+    place_of_target(&frames.recording().manifest().spec).is_some()
 }
 
-/// The arm's joints and the goal of every row: `qpos`, and the goal from the episode's model overrides or the observation `to_target`.
-fn states(l: &Latents, frames: &Frames) -> anyhow::Result<Vec<ReacherState>> {
-    let manifest = frames.recording().manifest();
-    let not_reacher = || {
-        wrong(format!(
-            "symmetry is about reacher, this recording is of {}: {}",
-            manifest.spec.task,
-            frames.recording().path().display()
-        ))
-    };
-    if !manifest.spec.task.starts_with("reacher") || manifest.spec.qpos != 2 {
-        return Err(not_reacher());
-    }
-    let at = manifest.spec.observation.iter().scan(0, |at, part| {
-        let from = *at;
-        *at += part.len;
+/// Where the vector from the finger to the target begins in the observation, of a task that says of itself that it has the symmetry (an older recording says nothing) and has
+/// the shape of Reacher.
+fn place_of_target(spec: &Spec) -> Option<usize> {
+    let says_so =
+        spec.quantities.is_empty() || spec.quantities.iter().any(|quantity| quantity.about == About::Symmetry);
+    let parts = spec.observation.iter().scan(0, |next, part| {
+        let from = *next;
+        *next += part.len;
         Some((from, part))
     });
-    let to_target = at.into_iter().find(|(_, part)| part.name == "to_target" && part.len == 2).map(|(from, _)| from);
-    let Some(from) = to_target else {
-        return Err(wrong(format!(
-            "symmetry needs the observation to_target of reacher: {}",
-            frames.recording().path().display()
-        )));
+    let mut found = parts.filter(|(_, part)| part.name == "to_target" && part.len == 2).map(|(from, _)| from);
+    found.next().filter(|_| says_so && spec.qpos == 2)
+}
+
+/// The arm's joints and the goal of every row: `qpos`, and the goal from the observation `to_target`.
+fn states(l: &Latents, frames: &Frames) -> anyhow::Result<Vec<ReacherState>> {
+    let recording = frames.recording();
+    let spec = &recording.manifest().spec;
+    let not_reacher = || {
+        wrong(format!(
+            "symmetry is about a two-link arm and its target, as in reacher-easy: two joints and the observation to_target; this recording is of {}: {}",
+            spec.task,
+            recording.path().display()
+        ))
     };
+    let from = place_of_target(spec).ok_or_else(not_reacher)?;
     let state = |row: usize| {
         let view = frames.view(l.episode[row])?;
         let step = l.step[row] as usize;
         let (qpos, observation) = (view.qpos(step), view.observation(step));
-        let joints = [qpos[0], qpos[1]];
-        let finger = finger(joints);
-        Some(ReacherState {
-            joints,
-            target: [finger[0] + f64::from(observation[from]), finger[1] + f64::from(observation[from + 1])],
-        })
+        let to_target = [from, from + 1].map(|at| f64::from(observation[at]));
+        Some(ReacherState::seen_from_the_finger([qpos[0], qpos[1]], to_target))
     };
     (0..l.len()).map(|row| state(row).ok_or_else(not_reacher)).collect()
-}
-
-/// Where the finger is, metres: two links of 0.12 m.
-fn finger([shoulder, wrist]: [f64; 2]) -> [f64; 2] {
-    const LINK: f64 = 0.12;
-    [LINK * (shoulder.cos() + (shoulder + wrist).cos()), LINK * (shoulder.sin() + (shoulder + wrist).sin())]
 }
 
 /// The numbers under their names, beside those of past actions.

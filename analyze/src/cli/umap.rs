@@ -22,6 +22,13 @@ pub(super) struct Options {
     color: Vec<String>,
 }
 
+impl Options {
+    /// The options of a verb that is run by another: what is not named has its default.
+    pub(super) fn of(input: TableInput) -> Self {
+        Self { input, map: MapOptions::default(), color: Vec::new() }
+    }
+}
+
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
     let mut about = options.map.json();
     about["color"] = json!(options.color);

@@ -24,7 +24,7 @@ pub struct Thumb {
 pub struct SheetColumn {
     /// The query.
     pub query: Thumb,
-    /// A remark over the query, as in "on goal"; may be empty.
+    /// A remark over the query, as in "high reward"; may be empty.
     pub remark: String,
     /// The neighbours with their distances.
     pub neighbours: Vec<(Thumb, f64)>,
@@ -121,7 +121,11 @@ impl NeighbourSheet {
         let (w, h) = layout.image;
         let small = TextStyle::new(SMALL).anchor(Anchor::Middle);
         let center = at.0 + 2.0 + w / 2.0;
-        picture.text((center, at.1 + 6.0), fit(&column.remark, SMALL, Weight::Regular, w), small.color(FAINT));
+        picture.text(
+            (center, at.1 + 6.0),
+            fit(&column.remark, SMALL, Weight::Regular, layout.cell - 1.0),
+            small.color(FAINT),
+        );
         let rect = Rect::new(at.0 + 2.0, at.1 + 8.0, w, h);
         thumb(picture, &column.query, rect, kind(0), 1.6);
         picture.text(

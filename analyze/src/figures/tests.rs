@@ -25,7 +25,7 @@ fn sheet(queries: usize) -> Figure {
     let thumb = |i: usize| Thumb { name: format!("{}:{}", i % 100, i * 7 % 250), pixels: frame(i) };
     let column = |q: usize| SheetColumn {
         query: thumb(q),
-        remark: if q.is_multiple_of(2) { "on goal" } else { "off goal" }.to_string(),
+        remark: if q.is_multiple_of(2) { "high reward" } else { "low reward" }.to_string(),
         neighbours: (1..=5).map(|k| (thumb(q * 9 + k), 0.4 + 0.37 * k as f64)).collect(),
     };
     Figure::NeighbourSheet(NeighbourSheet {

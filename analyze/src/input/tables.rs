@@ -6,6 +6,7 @@
 
 mod arrow;
 mod csv;
+mod lengths;
 mod numpy;
 mod parquet;
 mod plain;

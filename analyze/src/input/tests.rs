@@ -169,6 +169,35 @@ fn a_column_that_is_a_row_short_is_an_error_in_every_format() {
     assert!(fault.contains("2 of reward") && fault.contains("3 of latent"), "{fault}");
 }
 
+/// What no parser can be asked to read: it would fill the stack, or ask for 4 GB.
+#[test]
+fn headers_of_arrays_without_measure_are_refused() {
+    let dir = tempfile::tempdir().expect("folder");
+    let array = |length: u32, header: &str| {
+        [&b"\x93NUMPY\x02\x00"[..], &length.to_le_bytes(), header.as_bytes(), &[0; 64]].concat()
+    };
+    let deep = format!("{{'descr': {}, 'fortran_order': False, 'shape': (4,), }}\n", "[".repeat(60_000));
+    let huge = "{'descr': '<f4', 'fortran_order': False, 'shape': (4,), }\n";
+    for (bytes, says) in [
+        (array(deep.len() as u32, &deep), "brackets in each other"),
+        (array(u32::MAX, huge), "an npy header of 4294967295 bytes"),
+    ] {
+        let plain = dir.path().join("latents.npy");
+        std::fs::write(&plain, &bytes).expect("file");
+        let packed = dir.path().join("latents.npz");
+        let mut writer = zip::ZipWriter::new(std::fs::File::create(&packed).expect("file"));
+        for name in ["episode", "step", "latent"] {
+            writer.start_file(format!("{name}.npy"), zip::write::SimpleFileOptions::default()).expect("member");
+            std::io::Write::write_all(&mut writer, &bytes).expect("bytes");
+        }
+        writer.finish().expect("zip");
+        for path in [plain, packed] {
+            let fault = read_latents(&path).expect_err(says).to_string();
+            assert!(fault.contains(says) && fault.contains("latents.np"), "{fault}");
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 

@@ -1,15 +1,14 @@
 //! `graph.arrow`: the neighbour graph that a map was laid out from, kept so that a map with another layout needs no second search. Columns `row`,
 //! `neighbour` (uint32, rows of the table of latents) and `distance` (float64), nearest first; the schema's metadata says of which latents it is.
 
-use std::fs::File;
 use std::path::Path;
 
 use arrow::array::AsArray;
 use arrow::datatypes::{Float64Type, UInt32Type};
-use arrow::ipc::reader::FileReader;
+use vibes_data::read_table;
+use vibes_measure::neighbours::Neighbours;
 
 use super::{Column, write_table};
-use vibes_measure::neighbours::Neighbours;
 
 /// Metadata key of the description of what the graph is of.
 const RECIPE: &str = "vibes.graph";
@@ -43,12 +42,12 @@ impl GraphTable {
     /// Reads a graph back; none if there is no readable one.
     #[must_use]
     pub fn read(path: &Path) -> Option<Self> {
-        let reader = FileReader::try_new(File::open(path).ok()?, None).ok()?;
-        let named = |key: &str| reader.schema().metadata().get(key).cloned();
+        let batches = read_table(path).ok()?;
+        let schema = batches.first()?.schema();
+        let named = |key: &str| schema.metadata().get(key).cloned();
         let (recipe, k) = (named(RECIPE)?, named(SIZE)?.parse().ok()?);
         let (mut rows, mut distances) = (Vec::new(), Vec::new());
-        for batch in reader {
-            let batch = batch.ok()?;
+        for batch in batches {
             rows.extend_from_slice(batch.column_by_name("neighbour")?.as_primitive_opt::<UInt32Type>()?.values());
             distances.extend_from_slice(batch.column_by_name("distance")?.as_primitive_opt::<Float64Type>()?.values());
         }
@@ -74,5 +73,11 @@ mod tests {
         assert_eq!(GraphTable::read(&path), None, "a row past the last");
         std::fs::write(&path, b"no table").expect("written");
         assert_eq!(GraphTable::read(&path), None);
+        let keys = Column::UInt32(vec![0, 1]);
+        let about = [(RECIPE, "latents".to_owned()), (SIZE, "1".to_owned())];
+        let words = Column::Text(vec!["near".to_owned(), "far".to_owned()]);
+        let columns = [("row", keys.clone()), ("neighbour", keys), ("distance", words)];
+        write_table(&path, &columns, &about).expect("written");
+        assert_eq!(GraphTable::read(&path), None, "distances in words");
     }
 }

@@ -1,12 +1,11 @@
 //! `map.arrow`: where every row lies on the map. Columns `episode`, `step` (uint32), `x`, `y` (float32); the schema's metadata says how the
 //! map was made, so that a map that is still right is read back instead of computed again.
 
-use std::fs::File;
 use std::path::Path;
 
 use arrow::array::AsArray;
 use arrow::datatypes::{Float32Type, UInt32Type};
-use arrow::ipc::reader::FileReader;
+use vibes_data::read_table;
 
 use super::{Column, write_table};
 
@@ -50,12 +49,12 @@ impl MapTable {
     /// Reads a map back; none if there is no readable one.
     #[must_use]
     pub fn read(path: &Path) -> Option<Self> {
-        let reader = FileReader::try_new(File::open(path).ok()?, None).ok()?;
-        let named = |key: &str| reader.schema().metadata().get(key).cloned().unwrap_or_default();
+        let batches = read_table(path).ok()?;
+        let schema = batches.first()?.schema();
+        let named = |key: &str| schema.metadata().get(key).cloned().unwrap_or_default();
         let (recipe, quality, latents) = (named(RECIPE), named(QUALITY), named(LATENTS));
         let mut map = Self { episode: Vec::new(), step: Vec::new(), positions: Vec::new(), recipe, quality, latents };
-        for batch in reader {
-            let batch = batch.ok()?;
+        for batch in batches {
             let keys =
                 |name: &str| Some(batch.column_by_name(name)?.as_primitive_opt::<UInt32Type>()?.values().to_vec());
             let axis =
@@ -87,5 +86,15 @@ mod tests {
         map.write(&path).expect("written");
         assert_eq!(MapTable::read(&path), Some(map));
         assert_eq!(MapTable::read(&dir.path().join("other.arrow")), None);
+        // Whatever is changed or cut off is an answer: this map or another one, or none.
+        let bytes = std::fs::read(&path).expect("bytes");
+        let damaged = dir.path().join("damaged.arrow");
+        for at in 0..bytes.len() {
+            for change in [bytes[..at].to_vec(), [&bytes[..at], &[!bytes[at]], &bytes[at + 1..]].concat()] {
+                let _ = std::fs::remove_file(&damaged);
+                std::fs::write(&damaged, change).expect("written");
+                let _ = MapTable::read(&damaged);
+            }
+        }
     }
 }

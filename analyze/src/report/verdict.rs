@@ -41,7 +41,7 @@ impl Verdict {
         if self.groups.iter().all(|(_, measures)| measures.is_empty()) {
             return;
         }
-        body.push_str("<section id=\"verdict\"><table class=\"verdict\">\n<caption>Each number with its 95% interval, or of several quantities the range, and beneath it what it is to be compared with.</caption>\n");
+        body.push_str("<section id=\"verdict\"><table class=\"verdict\">\n<caption>Each number with its 95% interval, where it has one, and beneath it what it is to be compared with.</caption>\n");
         body.push_str("<thead><tr><th scope=\"col\">measure</th>");
         for run in &self.runs {
             let _ = write!(body, "<th scope=\"col\">{}</th>", escape(run));

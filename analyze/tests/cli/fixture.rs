@@ -162,7 +162,7 @@ pub(crate) fn write_run(path: &Path, shift: f64) {
     let line = |i: u32| {
         let x = f64::from(i);
         format!(
-            "{{\"update\":{},\"objective\":{},\"gap\":{},\"effective_rank\":{}}}\n",
+            "{{\"update\":{},\"objective\":{},\"adversary_minus_dynamics\":{},\"batch_effective_rank\":{}}}\n",
             i * 10,
             -5.0 / (1.0 + x) + shift,
             1.0 / (1.0 + x) + shift,

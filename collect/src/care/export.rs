@@ -1,5 +1,5 @@
 //! Recordings in the formats of others. In: a recording. Out: a folder in one of the [`ExportFormat`]s; what each loses stands in the package's
-//! `README.md`, in one table.
+//! `CARE.md`, in one table.
 
 mod columns;
 mod lerobot;

@@ -1,5 +1,5 @@
 //! Datasets of others as recordings. In: a folder in one of the [`ImportFormat`]s. Out: a recording whose rows are aligned as ours are; what is lost,
-//! and what is filled in, stands in the package's `README.md`.
+//! and what is filled in, stands in the package's `CARE.md`.
 
 mod array;
 mod dreamer;

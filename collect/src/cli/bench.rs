@@ -12,13 +12,13 @@ use crate::bench::{
     physics_rate, writing_rate,
 };
 use crate::recorder::cores;
+use vibes_env::large_example_tasks;
 use vibes_env::render::{Look, RenderSettings};
 use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 
 #[derive(Debug, Args)]
 pub(super) struct BenchArgs {
-    /// Tasks, as in reacher-easy,cheetah-run [default: all, with swimmer-100].
-    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    #[arg(long, value_delimiter = ',', value_name = "LIST", help = format!("Tasks [default: {}]", large_example_tasks().join(",")))]
     task: Vec<String>,
     /// Sizes of the pictures.
     #[arg(long, value_delimiter = ',', default_value = "64,84", value_name = "LIST")]
@@ -39,7 +39,7 @@ pub(super) struct BenchArgs {
 
 #[allow(clippy::print_stdout, reason = "the command line's result")]
 pub(super) fn run(args: &BenchArgs, output: OutputArgs) -> Result<Outcome> {
-    let all = || vibes_env::large_example_tasks().into_iter().map(str::to_owned).collect();
+    let all = || large_example_tasks().into_iter().map(str::to_owned).collect();
     let tasks: Vec<String> = if args.task.is_empty() { all() } else { args.task.clone() };
     let is_table = !output.json && !output.quiet;
     let mut physics = Vec::new();

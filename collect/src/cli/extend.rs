@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::Args;
 use vibes_data::Grid;
 
-use super::record::{parse_grid, told};
+use super::record::{parse_grid, record_with_progress};
 use super::{Outcome, OutputArgs};
 use crate::extend::{ExtendRun, Size, extend};
 use crate::recorder::cores;
@@ -30,5 +30,7 @@ pub(super) fn run(args: &ExtendArgs, output: OutputArgs) -> Result<Outcome> {
     let size = args.grid.map_or_else(|| Size::Episodes(args.episodes.unwrap_or(1)), Size::Grid);
     let run =
         ExtendRun { threads: args.threads.map_or_else(cores, usize::from), stop: vibes_command::stop_on_signals()? };
-    told(&args.recording, u64::from(size.episodes()), output, |report| extend(&args.recording, size, run, report))
+    record_with_progress(&args.recording, u64::from(size.episodes()), output, |report| {
+        extend(&args.recording, size, run, report)
+    })
 }

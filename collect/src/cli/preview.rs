@@ -8,13 +8,13 @@ use clap::Args;
 use super::{Outcome, OutputArgs};
 use crate::preview::{ContactSheet, PreviewOptions};
 use vibes_env::distractors::{Difficulty, DistractorSettings};
+use vibes_env::example_tasks;
 use vibes_env::render::{Look, RenderSettings};
 use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 
 #[derive(Debug, Args)]
 pub(super) struct PreviewArgs {
-    /// Tasks, as in reacher-easy,walker-walk [default: all, with swimmer-5].
-    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    #[arg(long, value_delimiter = ',', value_name = "LIST", help = format!("Tasks [default: {}]", example_tasks().join(",")))]
     task: Vec<String>,
     /// Difficulties [default: all].
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
@@ -44,7 +44,7 @@ pub(super) struct PreviewArgs {
 
 #[allow(clippy::print_stdout, reason = "the command line's result")]
 pub(super) fn run(args: &PreviewArgs, output: OutputArgs) -> Result<Outcome> {
-    let all = || vibes_env::example_tasks().into_iter().map(str::to_owned).collect();
+    let all = || example_tasks().into_iter().map(str::to_owned).collect();
     let tasks: Vec<String> = if args.task.is_empty() { all() } else { args.task.clone() };
     let difficulties = if args.difficulty.is_empty() { Difficulty::ALL.to_vec() } else { args.difficulty.clone() };
     let pictures = RenderSettings { size: usize::from(args.size), look: args.render };

@@ -187,12 +187,12 @@ pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
         policies: PolicyMaker::default(),
         stop,
     };
-    told(&folder, u64::from(options.episodes), output, |report| record(&folder, &run, report))
+    record_with_progress(&folder, u64::from(options.episodes), output, |report| record(&folder, &run, report))
 }
 
 /// Records with a progress bar, and says what came of it: how many of the `wanted` episodes there are.
 #[allow(clippy::print_stdout, clippy::print_stderr, reason = "the command line says what it did")]
-pub(super) fn told(
+pub(super) fn record_with_progress(
     folder: &Path,
     wanted: u64,
     output: OutputArgs,

@@ -8,7 +8,7 @@ use vibes_command::Given;
 use vibes_data::Recording;
 
 use super::axis_seeds::AxisSeedArgs;
-use super::record::told;
+use super::record::record_with_progress;
 use super::{Outcome, OutputArgs, idle};
 use crate::recorder::cores;
 use crate::redraw::{NewDistractors, Redraw};
@@ -110,5 +110,5 @@ pub(super) fn run(args: &RenderArgs, output: OutputArgs) -> Result<Outcome> {
     let run = (args.threads.map_or_else(cores, usize::from), vibes_command::stop_on_signals()?);
     let wanted = recording.episodes().len() as u64;
     let redraw = args.redraw();
-    told(&args.output, wanted, output, |report| redraw.draw(&recording, &args.output, run, report))
+    record_with_progress(&args.output, wanted, output, |report| redraw.draw(&recording, &args.output, run, report))
 }

@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use vibes_data::{FORMAT, ImageSize, Manifest, Spec, Video};
-use vibes_env::render::{RenderSettings, material_names};
+use vibes_data::{Manifest, Video};
+use vibes_env::render::RenderSettings;
 use vibes_env::videos::VideoLibrary;
-use vibes_env::{Environment, EnvironmentOptions};
+use vibes_env::{Environment, EnvironmentOptions, Heading};
 
 use super::RecordOptions;
 use crate::Result;
@@ -54,37 +54,11 @@ impl RecordOptions {
         seen.map_or_else(|| Ok(Arc::new(VideoLibrary::none())), |pictures| self.videos_for(pictures))
     }
 
-    /// The shape of the recording's episodes.
-    pub fn spec(&self, environment: &Environment) -> Spec {
-        let physics = environment.physics();
-        Spec {
-            task: self.task.clone(),
-            action: environment.action_spec(),
-            observation: environment.observation_spec(),
-            qpos: physics.qpos().len(),
-            qvel: physics.qvel().len(),
-            pixels: self.size.map(|side| ImageSize { height: side, width: side }),
-            materials: material_names(physics.model()),
-            control_timestep: environment.control_timestep(),
-            action_repeat: environment.action_repeat(),
-            quantities: environment.quantities(),
-        }
-    }
-
     /// The manifest of a recording in `folder`, still without episodes.
     pub fn manifest(&self, folder: &Path, seed: u64, environment: &Environment, videos: &[Video]) -> Manifest {
         let mut options = serde_json::to_value(self).unwrap_or_default();
         rebase(&mut options, None, Some(folder));
-        let versions = [("vibes", env!("CARGO_PKG_VERSION"))].into_iter().chain(vibes_env::versions());
-        Manifest {
-            format: FORMAT.into(),
-            spec: self.spec(environment),
-            options,
-            seed,
-            versions: versions.map(|(name, version)| (name.to_owned(), version.to_owned())).collect(),
-            grid: self.grid,
-            videos: videos.to_vec(),
-            episodes: Vec::new(),
-        }
+        let (spec, grid, videos) = (environment.spec(self.size), self.grid, videos.to_vec());
+        Heading { spec, options, seed, grid, videos }.manifest()
     }
 }

@@ -19,8 +19,15 @@ const ATTEMPTS: usize = 1000;
 const PLANNER: PlannerSettings = PlannerSettings { horizon: 12, samples: 64, fresh: 0.25, ..PlannerSettings::DEFAULT };
 
 /// The registry's entry.
-pub(super) const TASK: Registered =
-    Registered { name: NAME, note: "", examples: &[NAME], load: |name| (name == NAME).then(load) };
+pub(super) const TASK: Registered = Registered {
+    name: NAME,
+    note: "",
+    examples: &[NAME],
+    action_repeat: ACTION_REPEAT,
+    is_of_the_suite: true,
+    is_symmetric: false,
+    load: |name| (name == NAME).then(load),
+};
 
 /// Loads the model and the task.
 fn load() -> Result<Loaded> {
@@ -33,12 +40,10 @@ fn load() -> Result<Loaded> {
         ball_z: physics.joint_qpos("ball_z")?,
     };
     Ok(Loaded {
-        name: NAME.to_owned(),
         physics,
         task: Box::new(task),
         actuation: Actuation::Direct,
         physics_steps: PHYSICS_STEPS,
-        action_repeat: ACTION_REPEAT,
         planner: PLANNER,
         scenery: Scenery::DEFAULT,
     })

@@ -24,8 +24,15 @@ const SMALL_VELOCITY: Tolerance = Tolerance::within(0.0, 0.0).margin(5.0);
 const PLANNER: PlannerSettings = PlannerSettings { samples: 48, fresh: 0.25, ..PlannerSettings::DEFAULT };
 
 /// The registry's entry.
-pub(super) const TASK: Registered =
-    Registered { name: NAME, note: "", examples: &[NAME], load: |name| (name == NAME).then(load) };
+pub(super) const TASK: Registered = Registered {
+    name: NAME,
+    note: "",
+    examples: &[NAME],
+    action_repeat: ACTION_REPEAT,
+    is_of_the_suite: true,
+    is_symmetric: false,
+    load: |name| (name == NAME).then(load),
+};
 
 /// Loads the model and the task.
 fn load() -> Result<Loaded> {
@@ -36,12 +43,10 @@ fn load() -> Result<Loaded> {
         pole: physics.body("pole_1")?,
     };
     Ok(Loaded {
-        name: NAME.to_owned(),
         physics,
         task: Box::new(task),
         actuation: Actuation::Direct,
         physics_steps: PHYSICS_STEPS,
-        action_repeat: ACTION_REPEAT,
         planner: PLANNER,
         scenery: Scenery::DEFAULT,
     })

@@ -24,8 +24,15 @@ const PLANNER: PlannerSettings =
     PlannerSettings { horizon: 6, knots: 6, samples: 400, kept: 4, fresh: 0.5, widest: 4.0 };
 
 /// The registry's entry.
-pub(super) const TASK: Registered =
-    Registered { name: NAME, note: "", examples: &[NAME], load: |name| (name == NAME).then(load) };
+pub(super) const TASK: Registered = Registered {
+    name: NAME,
+    note: "",
+    examples: &[NAME],
+    action_repeat: ACTION_REPEAT,
+    is_of_the_suite: true,
+    is_symmetric: false,
+    load: |name| (name == NAME).then(load),
+};
 
 /// Loads the model and the task.
 fn load() -> Result<Loaded> {
@@ -43,12 +50,10 @@ fn load() -> Result<Loaded> {
         constants: constants(&physics)?,
     };
     Ok(Loaded {
-        name: NAME.to_owned(),
         physics,
         task: Box::new(task),
         actuation: Actuation::Direct,
         physics_steps: PHYSICS_STEPS,
-        action_repeat: ACTION_REPEAT,
         planner: PLANNER,
         scenery: Scenery::DEFAULT,
     })

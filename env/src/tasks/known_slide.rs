@@ -38,18 +38,23 @@ const XML: &str = r#"
 </mujoco>"#;
 
 /// The registry's entry.
-pub(super) const TASK: Registered =
-    Registered { name: KNOWN_SLIDE, note: "", examples: &[KNOWN_SLIDE], load: |name| (name == KNOWN_SLIDE).then(load) };
+pub(super) const TASK: Registered = Registered {
+    name: KNOWN_SLIDE,
+    note: "",
+    examples: &[KNOWN_SLIDE],
+    action_repeat: ACTION_REPEAT,
+    is_of_the_suite: false,
+    is_symmetric: false,
+    load: |name| (name == KNOWN_SLIDE).then(load),
+};
 
 /// Loads the model and the task.
 fn load() -> Result<Loaded> {
     Ok(Loaded {
-        name: KNOWN_SLIDE.to_owned(),
         physics: Physics::from_xml(KNOWN_SLIDE, XML)?,
         task: Box::new(KnownSlide),
         actuation: Actuation::Direct,
         physics_steps: 1,
-        action_repeat: ACTION_REPEAT,
         planner: PlannerSettings::DEFAULT,
         scenery: Scenery::DEFAULT,
     })

@@ -24,8 +24,15 @@ const PLANNER: PlannerSettings = PlannerSettings { horizon: 15, samples: 32, fre
 const SCENERY: Scenery = Scenery { upper_quadrant: false, ground_alpha: 0.0 };
 
 /// The registry's entry.
-pub(super) const TASK: Registered =
-    Registered { name: NAME, note: "", examples: &[NAME], load: |name| (name == NAME).then(load) };
+pub(super) const TASK: Registered = Registered {
+    name: NAME,
+    note: "",
+    examples: &[NAME],
+    action_repeat: ACTION_REPEAT,
+    is_of_the_suite: true,
+    is_symmetric: true,
+    load: |name| (name == NAME).then(load),
+};
 
 /// Loads the model and the task.
 fn load() -> Result<Loaded> {
@@ -36,12 +43,10 @@ fn load() -> Result<Loaded> {
         shoulder: physics.joint_qpos("shoulder")?,
     };
     Ok(Loaded {
-        name: NAME.to_owned(),
         physics,
         task: Box::new(task),
         actuation: Actuation::Direct,
         physics_steps: PHYSICS_STEPS,
-        action_repeat: ACTION_REPEAT,
         planner: PLANNER,
         scenery: SCENERY,
     })

@@ -29,7 +29,10 @@ const FRAME_SENSORS: usize = 12;
 pub(super) const TASK: Registered = Registered {
     name: "swimmer-N",
     note: "N is the number of links, 3 to 1000",
-    examples: &["swimmer-5", "swimmer-100"],
+    examples: &["swimmer-5", "swimmer-6", "swimmer-15", "swimmer-100"],
+    action_repeat: ACTION_REPEAT,
+    is_of_the_suite: false,
+    is_symmetric: false,
     load: |name| links_of(name).map(load),
 };
 
@@ -42,8 +45,7 @@ fn links_of(name: &str) -> Option<usize> {
 
 /// Loads the model and the task.
 fn load(links: usize) -> Result<Loaded> {
-    let name = format!("swimmer-{links}");
-    let physics = Physics::from_xml(&name, &xml(links)?)?;
+    let physics = Physics::from_xml(&format!("swimmer-{links}"), &xml(links)?)?;
     let task = Swimmer {
         head: physics.body("head")?,
         nose: physics.geom("nose")?,
@@ -51,12 +53,10 @@ fn load(links: usize) -> Result<Loaded> {
         target_light: physics.light("target_light")?,
     };
     Ok(Loaded {
-        name,
         physics,
         task: Box::new(task),
-        actuation: Actuation::Sinusoid(Sinusoid::for_links(links)),
+        actuation: Actuation::Sinusoid(Sinusoid::of_swimmers()),
         physics_steps: PHYSICS_STEPS,
-        action_repeat: ACTION_REPEAT,
         planner: PlannerSettings::DEFAULT,
         scenery: Scenery::DEFAULT,
     })

@@ -23,20 +23,25 @@ const WALKING: Tolerance = Tolerance::at_least(1.0).margin(0.5).falling(Sigmoid:
 const SCENERY: Scenery = Scenery { ground_alpha: 1.0, ..Scenery::DEFAULT };
 
 /// The registry's entry.
-pub(super) const TASK: Registered =
-    Registered { name: NAME, note: "", examples: &[NAME], load: |name| (name == NAME).then(load) };
+pub(super) const TASK: Registered = Registered {
+    name: NAME,
+    note: "",
+    examples: &[NAME],
+    action_repeat: ACTION_REPEAT,
+    is_of_the_suite: true,
+    is_symmetric: false,
+    load: |name| (name == NAME).then(load),
+};
 
 /// Loads the model and the task.
 fn load() -> Result<Loaded> {
     let physics = Physics::from_xml(NAME, suite_xml("walker.xml")?)?;
     let task = Walker { torso: physics.body("torso")?, torso_velocity: physics.sensor("torso_subtreelinvel")? };
     Ok(Loaded {
-        name: NAME.to_owned(),
         physics,
         task: Box::new(task),
         actuation: Actuation::Direct,
         physics_steps: PHYSICS_STEPS,
-        action_repeat: ACTION_REPEAT,
         planner: PlannerSettings::DEFAULT,
         scenery: SCENERY,
     })

@@ -3,7 +3,12 @@
 //! In: a file's bytes. Out: RGB and its size. The JPEG decoder fills in grey what a file no longer holds, so that whether one is whole is checked here: its
 //! segments and scans are followed to the marker that ends the picture.
 
-use image::ImageFormat;
+use std::io::Cursor;
+
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+
+/// The most memory that decoding a frame may take, bytes. A file of a hundred bytes may say that it is a picture of gigabytes.
+const MOST_MEMORY: u64 = 256 << 20;
 
 /// A decoded picture: RGB `[height, width, 3]`, width, height.
 pub type Picture = (Vec<u8>, usize, usize);
@@ -11,20 +16,26 @@ pub type Picture = (Vec<u8>, usize, usize);
 /// Decodes a PNG or a JPEG.
 ///
 /// # Errors
-/// In words, when it is neither, damaged, cut off or empty.
+/// In words, when it is neither, damaged, cut off, empty, or larger than 256 MiB.
 pub fn decode(bytes: &[u8]) -> Result<Picture, String> {
     let format = image::guess_format(bytes).map_err(|error| format!("not a readable picture ({error})"))?;
     if format == ImageFormat::Jpeg && !is_whole_jpeg(bytes) {
         return Err("a JPEG that is cut off: its end marker is missing".to_owned());
     }
-    let picture = image::load_from_memory_with_format(bytes, format)
-        .map_err(|error| format!("not a readable picture ({error})"))?
-        .into_rgb8();
+    let picture = decoded(bytes, format).map_err(|error| format!("not a readable picture ({error})"))?.into_rgb8();
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     if width == 0 || height == 0 {
         return Err("an empty picture".to_owned());
     }
     Ok((picture.into_raw(), width, height))
+}
+
+fn decoded(bytes: &[u8], format: ImageFormat) -> image::ImageResult<DynamicImage> {
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(MOST_MEMORY);
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    reader.limits(limits);
+    reader.decode()
 }
 
 /// The marker that begins a picture, the one that ends it, and the one that begins a scan of entropy-coded data.
@@ -76,7 +87,7 @@ mod tests {
     fn jpeg(width: u32, height: u32) -> Vec<u8> {
         let picture =
             image::RgbImage::from_fn(width, height, |x, y| image::Rgb([(x * 37 + y * 11) as u8, y as u8, x as u8]));
-        let mut bytes = std::io::Cursor::new(Vec::new());
+        let mut bytes = Cursor::new(Vec::new());
         picture.write_to(&mut bytes, ImageFormat::Jpeg).unwrap();
         bytes.into_inner()
     }
@@ -92,11 +103,27 @@ mod tests {
         }
         let with_more = [whole.as_slice(), b"a camera's own notes \xFF\xD8"].concat();
         assert_eq!(decode(&with_more).unwrap().0, rgb);
-        let mut png = std::io::Cursor::new(Vec::new());
+        let mut png = Cursor::new(Vec::new());
         image::RgbImage::new(40, 30).write_to(&mut png, ImageFormat::Png).unwrap();
         let png = png.into_inner();
         assert!(decode(&png).is_ok() && decode(&png[..png.len() / 2]).is_err());
         assert!(decode(b"no picture").is_err());
+    }
+
+    /// What a picture says of its size is believed only as far as memory goes.
+    #[test]
+    fn a_small_file_asks_for_no_gigabyte() {
+        let mut bytes = Cursor::new(Vec::new());
+        image::RgbImage::new(1, 1).write_to(&mut bytes, ImageFormat::Png).unwrap();
+        let mut bytes = bytes.into_inner();
+        // The header: its length, its name, width, height, five bytes more, and a checksum of all but the length.
+        bytes[16..24].copy_from_slice(&[10_000_u32.to_be_bytes(), 10_000_u32.to_be_bytes()].concat());
+        let checksum = bytes[12..29].iter().fold(u32::MAX, |sum, byte| {
+            (0..8).fold(sum ^ u32::from(*byte), |sum, _| (sum >> 1) ^ (0xEDB8_8320 & (sum & 1).wrapping_neg()))
+        });
+        bytes[29..33].copy_from_slice(&(!checksum).to_be_bytes());
+        let error = decode(&bytes).unwrap_err();
+        assert!(error.contains("emory limit"), "{error}");
     }
 
     /// A thumbnail in a segment has an end marker of its own, which does not count.

@@ -4,7 +4,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-use super::{Exclude, Metric, Space, graph, nearest, nearest_to};
+use super::{Exclude, Metric, Neighbours, Space, graph, nearest, nearest_to};
 use crate::{Error, Table};
 
 fn random(rows: usize, dims: usize, seed: u64) -> Vec<f32> {
@@ -18,6 +18,13 @@ fn keys(rows: usize, length: usize) -> (Vec<u32>, Vec<u32>) {
 
 fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+}
+
+#[test]
+fn neighbours_in_common_count_in_whatever_order_they_come() {
+    let found = |rows: [u32; 6]| Neighbours::from_parts(3, rows.to_vec(), vec![0.0; 6]).unwrap();
+    let (first, other) = (found([1, 2, 3, 0, 2, 3]), found([3, 1, 4, 5, 6, 0]));
+    assert_eq!((first.shared_with(&first), first.shared_with(&other)), (1.0, 0.5));
 }
 
 /// `tests/golden/neighbours.json`: rows exactly, distances to rounding.

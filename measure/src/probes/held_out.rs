@@ -5,7 +5,7 @@ use rand::Rng;
 use super::deal::{Deal, groups};
 use super::quantity::{Predictions, Targets};
 use super::score::Judge;
-use super::{HoldOut, Probe, ProbeOptions, ProbeScore, Sample, Values, knn, logistic, ridge};
+use super::{Fitting, HoldOut, Probe, ProbeOptions, ProbeScore, Sample, Values, knn, logistic, ridge};
 use crate::{Error, Table};
 
 /// Linear and kNN scores of each quantity (all numbers or all classes), every row judged by a probe fitted on the folds it is not in.
@@ -47,7 +47,7 @@ pub(super) fn within(
     ];
     // A shuffled probe is judged on shuffled quantities: every trajectory has another's, the held-out one too.
     let judges = [Judge::new(&targets, table), Judge::new(&shuffled, table)];
-    Ok(scores(judged, &targets, &found, &judges, count, rng))
+    Ok(scores(judged, &targets, Fitting::CrossValidation, &found, &judges, count, rng))
 }
 
 /// Linear and kNN scores of each quantity (all numbers), every row judged by a probe fitted on the other table.
@@ -79,7 +79,7 @@ pub(super) fn fitted_elsewhere(
     ];
     let judge = Judge::new(&targets, &judged.table);
     let cells = judged.table.trajectories().units();
-    Ok(scores(judged, &targets, &found, &[judge.clone(), judge], cells, rng))
+    Ok(scores(judged, &targets, Fitting::OtherRecordings, &found, &[judge.clone(), judge], cells, rng))
 }
 
 /// The cell or episode of each row, and how many there are.
@@ -91,6 +91,7 @@ fn cells(table: &Table<'_>) -> (Vec<u32>, usize) {
 fn scores(
     judged: Sample<'_>,
     targets: &Targets,
+    fitting: Fitting,
     found: &[(Probe, Predictions, Predictions); 2],
     judges: &[Judge<'_>; 2],
     groups: usize,
@@ -102,6 +103,7 @@ fn scores(
         let mut pair = found.iter().map(|(probe, predicted, control)| ProbeScore {
             quantity: quantity.name.clone(),
             probe: *probe,
+            fitting,
             measure,
             score: judges[0].score(at, predicted, rng),
             shuffled: judges[1].score(at, control, rng),

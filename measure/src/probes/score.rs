@@ -5,6 +5,7 @@ use rand::Rng;
 use super::quantity::{Predictions, Targets};
 use crate::Table;
 use crate::intervals::{Interval, Trajectories};
+use crate::r_squared::{Squares, r_squared};
 
 /// The truth, and what is drawn again for intervals.
 #[derive(Debug, Clone)]
@@ -21,49 +22,37 @@ impl<'a> Judge<'a> {
     /// The score of one quantity's predictions.
     pub(super) fn score(&self, quantity: usize, found: &Predictions, rng: &mut impl Rng) -> Interval {
         let span = self.targets.spans[quantity];
-        let mut sums = vec![Sums::default(); self.trajectories.units()];
-        for (&row, predicted) in found.rows.iter().zip(found.values.chunks_exact(self.targets.columns)) {
-            let true_values = &self.targets.row(row)[span.first..span.first + span.columns];
-            let predicted = &predicted[span.first..span.first + span.columns];
-            let sums = &mut sums[self.trajectories.unit(row)];
-            sums.rows += 1.0;
-            if span.classes {
-                sums.hits += f64::from(u8::from(largest(predicted) == largest(true_values)));
-            } else {
-                sums.add(true_values[0], predicted[0]);
-            }
+        let columns = span.first..span.first + span.columns;
+        let pairs = found.rows.iter().zip(found.values.chunks_exact(self.targets.columns)).map(|(&row, predicted)| {
+            (self.trajectories.unit(row), &self.targets.row(row)[columns.clone()], &predicted[columns.clone()])
+        });
+        if span.classes { self.accuracy(pairs, rng) } else { self.r_squared(pairs, rng) }
+    }
+
+    /// Of numbers: `(cell or episode, value, prediction)` a row.
+    fn r_squared<'v>(&self, pairs: impl Iterator<Item = Pair<'v>>, rng: &mut impl Rng) -> Interval {
+        let mut squares = vec![Squares::default(); self.trajectories.units()];
+        pairs.for_each(|(unit, value, predicted)| squares[unit].add(value[0], predicted[0]));
+        self.trajectories.bootstrap(rng, |weights| r_squared(&squares, weights))
+    }
+
+    /// Of classes: `(cell or episode, indicators, shares)` a row.
+    fn accuracy<'v>(&self, pairs: impl Iterator<Item = Pair<'v>>, rng: &mut impl Rng) -> Interval {
+        let mut sums = vec![(0.0, 0.0); self.trajectories.units()];
+        for (unit, value, predicted) in pairs {
+            let (hits, rows) = &mut sums[unit];
+            *hits += f64::from(u8::from(largest(predicted) == largest(value)));
+            *rows += 1.0;
         }
         self.trajectories.bootstrap(rng, |weights| {
-            let total = |part: fn(&Sums) -> f64| {
-                sums.iter().zip(weights).map(|(sums, weight)| weight * part(sums)).sum::<f64>()
-            };
-            let rows = total(|sums| sums.rows);
-            if span.classes {
-                return total(|sums| sums.hits) / rows;
-            }
-            let sum = total(|sums| sums.sum);
-            1.0 - total(|sums| sums.error) / (total(|sums| sums.squares) - sum * sum / rows)
+            let total = |of: fn(&(f64, f64)) -> f64| sums.iter().zip(weights).map(|(s, w)| w * of(s)).sum::<f64>();
+            total(|sums| sums.0) / total(|sums| sums.1)
         })
     }
 }
 
-/// What a cell or episode contributes.
-#[derive(Debug, Clone, Copy, Default)]
-struct Sums {
-    rows: f64,
-    hits: f64,
-    error: f64,
-    sum: f64,
-    squares: f64,
-}
-
-impl Sums {
-    fn add(&mut self, y: f64, predicted: f64) {
-        self.error += (y - predicted).powi(2);
-        self.sum += y;
-        self.squares += y * y;
-    }
-}
+/// The cell or episode of a row, its true values, and what was predicted.
+type Pair<'v> = (usize, &'v [f64], &'v [f64]);
 
 /// The first of the largest.
 fn largest(values: &[f64]) -> usize {

@@ -1,7 +1,8 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Fit, HoldOut, Probe, ProbeOptions, ProbeScore, Quantity, Sample, Values, probe};
+use super::{Fit, HoldOut, Probe, ProbeOptions, ProbeScore, Quantity, Sample, Values, over_chance, probe};
+use crate::numbers::probe_numbers;
 use crate::{Error, Table};
 
 fn generator(seed: u64) -> ChaCha8Rng {
@@ -190,6 +191,33 @@ fn ridge_of_a_noiseless_line_is_exact() {
     let table = Table::new(1, &values, &episode, &step).unwrap();
     let scores = within(&table, &[line], 0).unwrap();
     assert!(find(&scores, "line", Probe::Linear).score.estimate > 1.0 - 1e-9);
+}
+
+/// Numbers that were fitted differently never share a name, and classes are judged within the table whatever numbers are fitted on.
+#[test]
+fn a_name_says_what_the_probe_was_fitted_on() {
+    let (values, episode, step) = latents();
+    let table = Table::new(6, &values, &episode, &step).unwrap();
+    let side = Values::Classes(values.chunks_exact(6).map(|x| u32::from(x[1] > 0.0)).collect());
+    let quantities = [
+        numbers("first", values.chunks_exact(6).map(|x| f64::from(x[0]))),
+        Quantity { name: "side".to_owned(), hold_out: HoldOut::State, values: side },
+    ];
+    let sample = Sample { table, quantities: &quantities };
+    let names = |fit| {
+        let scores = probe(sample, fit, ProbeOptions::default(), &mut generator(3)).unwrap();
+        probe_numbers("s", &scores, None).iter().map(|number| number.name.clone()).collect::<Vec<_>>()
+    };
+    let [side, side_knn] = ["probe_cross_validated/side/s", "probe_knn_cross_validated/side/s"];
+    assert_eq!(names(Fit::On(sample)), ["probe/first/s", side, "probe_knn/first/s", side_knn]);
+    let [first, first_knn] = ["probe_cross_validated/first/s", "probe_knn_cross_validated/first/s"];
+    assert_eq!(names(Fit::HeldOut), [first, side, first_knn, side_knn]);
+}
+
+#[test]
+fn chance_is_0_and_everything_is_1() {
+    assert_eq!([0.5, 1.0, 0.75].map(|accuracy| over_chance(accuracy, 0.5)), [0.0, 1.0, 0.5]);
+    assert_eq!([0.0, 0.25, -3.0].map(|r_squared| over_chance(r_squared, 0.0)), [0.0, 0.25, -3.0]);
 }
 
 #[test]

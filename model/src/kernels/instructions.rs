@@ -59,26 +59,58 @@ impl Instructions {
     /// If the processor does not have them.
     #[inline]
     pub(super) fn run<R>(self, work: impl FnOnce() -> R) -> R {
-        // In every build: the calls below are sound only after it. It reads what the processor was asked once.
-        assert!(self.available(), "{self:?} asked for on a processor without it");
         match self {
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code, reason = "calls a function compiled for more instructions than the target's minimum")]
-            // SAFETY: the processor has them, as was just checked.
-            Self::Avx512 => unsafe { with_avx512(work) },
+            Self::Avx512 => HasAvx512::checked().run(
+                #[inline(always)]
+                |_| work(),
+            ),
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code, reason = "calls a function compiled for more instructions than the target's minimum")]
-            // SAFETY: as above.
-            Self::Avx2 => unsafe { with_avx2(work) },
-            _ => work(),
+            #[expect(unsafe_code, reason = "calls a function compiled for more instructions than the target's minimum")]
+            Self::Avx2 => {
+                // In every build: the call below is sound only after it. It reads what the processor was asked once.
+                assert!(self.available(), "{self:?} asked for on a processor without it");
+                // SAFETY: the processor has them, as was just checked.
+                unsafe { with_avx2(work) }
+            }
+            _ => {
+                assert!(self.available(), "{self:?} asked for on a processor without it");
+                work()
+            }
         }
+    }
+}
+
+/// Proof that this processor has the instructions of [`Instructions::Avx512`]: only a check makes one, so whatever asks for it may use them.
+#[cfg(target_arch = "x86_64")]
+#[derive(Clone, Copy, Debug)]
+pub(super) struct HasAvx512(());
+
+#[cfg(target_arch = "x86_64")]
+impl HasAvx512 {
+    /// The proof, by asking the processor, in every build; what it answered once is read again.
+    ///
+    /// # Panics
+    /// If the processor does not have them.
+    #[inline]
+    pub(super) fn checked() -> Self {
+        assert!(Instructions::Avx512.available(), "AVX-512 asked for on a processor without it");
+        Self(())
+    }
+
+    /// Runs `work` compiled for these instructions, as [`Instructions::run`].
+    #[inline]
+    #[expect(unsafe_code, reason = "calls a function compiled for more instructions than the target's minimum")]
+    pub(super) fn run<R>(self, work: impl FnOnce(Self) -> R) -> R {
+        // SAFETY: the processor has them: `self` is the proof.
+        unsafe { with_avx512(self, work) }
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,fma")]
-fn with_avx512<R>(work: impl FnOnce() -> R) -> R {
-    work()
+fn with_avx512<R>(proof: HasAvx512, work: impl FnOnce(HasAvx512) -> R) -> R {
+    work(proof)
 }
 
 #[cfg(target_arch = "x86_64")]

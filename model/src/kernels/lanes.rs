@@ -1,17 +1,23 @@
 //! Sixteen float32 numbers handled at once: one AVX-512 register, or an array that the compiler cuts to the registers there are.
 //!
-//! In: sixteen neighbouring numbers. Out: their sums, differences and multiples. For use under [`Instructions::run`](super::Instructions).
+//! In: sixteen neighbouring numbers. Out: their sums, differences and multiples. A vector can be made only by whoever holds the proof that the processor has its
+//! instructions ([`Lanes::Proof`]), which [`with_lanes`] hands to the function that it calls; a vector that is there is proof enough of its own.
 
 /// Numbers in one vector.
 pub(super) const LANES: usize = 16;
 
 /// Sixteen numbers.
 pub(super) trait Lanes: Copy {
-    fn zero() -> Self;
-    fn load(from: &[f32; LANES]) -> Self;
+    /// What shows that the processor has the instructions.
+    type Proof: Copy;
+
+    fn zero(proof: Self::Proof) -> Self;
+    fn load(proof: Self::Proof, from: &[f32; LANES]) -> Self;
     fn store(self, to: &mut [f32; LANES]);
     fn plus(self, other: Self) -> Self;
     fn minus(self, other: Self) -> Self;
+    /// 0 − the number.
+    fn opposite(self) -> Self;
     /// `self + factor · other`, rounded once where the instructions can.
     fn plus_times(self, factor: f32, other: Self) -> Self;
     /// The number, or 0 where it is negative.
@@ -21,9 +27,9 @@ pub(super) trait Lanes: Copy {
 
     /// The sixteen numbers from `at` on.
     #[inline(always)]
-    fn at(from: &[f32], at: usize) -> Self {
+    fn at(proof: Self::Proof, from: &[f32], at: usize) -> Self {
         match from[at..].first_chunk() {
-            Some(from) => Self::load(from),
+            Some(from) => Self::load(proof, from),
             None => panic!("sixteen numbers at {at} of {}", from.len()),
         }
     }
@@ -39,13 +45,16 @@ pub(super) trait Lanes: Copy {
 }
 
 impl Lanes for [f32; LANES] {
+    /// None is needed: the compiler cuts the array to what the target has.
+    type Proof = ();
+
     #[inline(always)]
-    fn zero() -> Self {
+    fn zero((): ()) -> Self {
         [0.0; LANES]
     }
 
     #[inline(always)]
-    fn load(from: &Self) -> Self {
+    fn load((): (), from: &Self) -> Self {
         *from
     }
 
@@ -68,6 +77,11 @@ impl Lanes for [f32; LANES] {
             self[i] -= other[i];
         }
         self
+    }
+
+    #[inline(always)]
+    fn opposite(self) -> Self {
+        [0.0; LANES].minus(self)
     }
 
     #[inline(always)]
@@ -95,13 +109,14 @@ impl Lanes for [f32; LANES] {
     }
 }
 
-/// Calls a function compiled for `$instructions`, with the vector type that suits them.
+/// Calls a function compiled for `$instructions`, with the vector type that suits them; the proof that the processor has them is its first argument.
 macro_rules! with_lanes {
     ($instructions:expr, $function:ident ( $($argument:expr),* )) => {
         match $instructions {
             #[cfg(target_arch = "x86_64")]
-            crate::kernels::Instructions::Avx512 => $instructions.run(#[inline(always)] || $function::<crate::kernels::lanes::Register>($($argument),*)),
-            _ => $instructions.run(#[inline(always)] || $function::<[f32; crate::kernels::lanes::LANES]>($($argument),*)),
+            crate::kernels::Instructions::Avx512 => crate::kernels::instructions::HasAvx512::checked()
+                .run(#[inline(always)] |proof| $function::<crate::kernels::lanes::Register>(proof, $($argument),*)),
+            _ => $instructions.run(#[inline(always)] || $function::<[f32; crate::kernels::lanes::LANES]>((), $($argument),*)),
         }
     };
 }
@@ -114,7 +129,7 @@ pub(super) use avx512::Register;
 #[cfg(target_arch = "x86_64")]
 mod avx512 {
     //! One AVX-512 register.
-    #![allow(unsafe_code, reason = "the instructions exist only where `Instructions::Avx512` does")]
+    #![allow(unsafe_code, reason = "the instructions exist only where `HasAvx512` was made")]
 
     use std::arch::x86_64::{
         __m512, _CMP_GT_OQ, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_maskz_mov_ps,
@@ -122,50 +137,66 @@ mod avx512 {
     };
 
     use super::{LANES, Lanes};
+    use crate::kernels::instructions::HasAvx512;
 
-    /// Used only in code that runs with `Instructions::Avx512`.
+    /// Sixteen numbers in a register. Its field is private and what makes one asks for [`HasAvx512`], so that there is none on a processor without AVX-512.
     #[derive(Clone, Copy)]
     pub(in crate::kernels) struct Register(__m512);
 
-    // SAFETY (all below): the processor has AVX-512, see `Register`; loads and stores go through references to sixteen numbers.
     impl Lanes for Register {
+        type Proof = HasAvx512;
+
         #[inline(always)]
-        fn zero() -> Self {
+        fn zero(_: HasAvx512) -> Self {
+            // SAFETY: the processor has AVX-512: the argument is the proof.
             Self(unsafe { _mm512_setzero_ps() })
         }
 
         #[inline(always)]
-        fn load(from: &[f32; LANES]) -> Self {
+        fn load(_: HasAvx512, from: &[f32; LANES]) -> Self {
+            // SAFETY: as in `zero`; the sixteen numbers lie behind the reference.
             Self(unsafe { _mm512_loadu_ps(from.as_ptr()) })
         }
 
         #[inline(always)]
         fn store(self, to: &mut [f32; LANES]) {
+            // SAFETY: the processor has AVX-512, or `self` could not have been made; there is room for sixteen numbers behind the reference.
             unsafe { _mm512_storeu_ps(to.as_mut_ptr(), self.0) }
         }
 
         #[inline(always)]
         fn plus(self, other: Self) -> Self {
+            // SAFETY: the processor has AVX-512, or `self` could not have been made.
             Self(unsafe { _mm512_add_ps(self.0, other.0) })
         }
 
         #[inline(always)]
         fn minus(self, other: Self) -> Self {
+            // SAFETY: as in `plus`.
             Self(unsafe { _mm512_sub_ps(self.0, other.0) })
         }
 
         #[inline(always)]
+        fn opposite(self) -> Self {
+            // SAFETY: as in `plus`.
+            Self(unsafe { _mm512_sub_ps(_mm512_setzero_ps(), self.0) })
+        }
+
+        #[inline(always)]
         fn plus_times(self, factor: f32, other: Self) -> Self {
+            // SAFETY: as in `plus`.
             Self(unsafe { _mm512_fmadd_ps(_mm512_set1_ps(factor), other.0, self.0) })
         }
 
         #[inline(always)]
         fn positive(self) -> Self {
+            // SAFETY: as in `plus`.
             Self(unsafe { _mm512_max_ps(self.0, _mm512_setzero_ps()) })
         }
 
         #[inline(always)]
         fn where_open(self, gate: Self) -> Self {
+            // SAFETY: as in `plus`.
             Self(unsafe { _mm512_maskz_mov_ps(_mm512_cmp_ps_mask::<_CMP_GT_OQ>(gate.0, _mm512_setzero_ps()), self.0) })
         }
     }

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::actions::{ActionDistribution, Actions};
 use crate::checkpoint::{load_described, save_described};
 use crate::config::ModelConfig;
+use crate::described::{Described, Matrix, perceptron, sum};
 use crate::error::ModelError;
 use crate::init::constant;
 use crate::mlp::Mlp;
@@ -141,5 +142,12 @@ impl RecurrentNetworks {
             temperature: write_parameters(new.temperature, "temperature", &tensors)?,
             config: new.config,
         })
+    }
+}
+
+impl Described for RecurrentConfig {
+    fn matrices(&self) -> Box<dyn Iterator<Item = Matrix> + '_> {
+        let input = sum(&[self.model.hidden, self.model.latent, self.model.actions()]);
+        Box::new(self.model.matrices().chain(perceptron("critic.first", [input, self.hidden, 1])))
     }
 }

@@ -8,12 +8,14 @@ use rand::{Rng, SeedableRng};
 
 use super::actor::SoftActor;
 use super::characteristic::Characteristic;
-use super::config::SacConfig;
+use super::config::{FILTERS, LAYERS, SacConfig};
 use super::critic::TwinCritic;
 use super::features::{orthogonal_linear, orthogonal_mlp};
 use crate::checkpoint::{load_described, save_described};
+use crate::described::{Described, Matrix, perceptron, product, sum};
 use crate::error::ModelError;
 use crate::init::constant;
+use crate::kernels::conv3_size;
 use crate::linear::Linear;
 use crate::mlp::Mlp;
 use crate::parameters::{read_parameters, write_parameters};
@@ -125,5 +127,29 @@ impl SacNetworks {
             further: write_parameters(new.further, "further", &tensors)?,
             config: new.config,
         })
+    }
+}
+
+impl Described for SacConfig {
+    fn matrices(&self) -> Box<dyn Iterator<Item = Matrix> + '_> {
+        let (feature, steps) = (self.feature, self.sequence);
+        // Pictures that are too small are refused when the networks are built.
+        let maps = conv3_size(self.view, LAYERS).map_or(0, |[height, width]| product(&[height, width, FILTERS]));
+        let mut all = vec![
+            ("critic.convolutions.layers.0.weight".to_owned(), vec![FILTERS, product(&[3, self.stack]), 3, 3]),
+            ("critic.trunk.linear.weight".to_owned(), vec![maps, feature]),
+        ];
+        all.extend(perceptron("critic.first", [sum(&[feature, self.actions()]), self.hidden, 1]));
+        if self.bilinear {
+            all.push(("further.bilinear.weight".to_owned(), vec![feature; 2]));
+        }
+        if steps > 0 {
+            all.push(("further.characteristic.rewards.weight".to_owned(), vec![steps; 2]));
+            all.push((
+                "further.characteristic.actions.weight".to_owned(),
+                vec![product(&[steps, self.actions()]), steps],
+            ));
+        }
+        Box::new(all.into_iter())
     }
 }

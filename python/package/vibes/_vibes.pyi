@@ -17,6 +17,7 @@ __all__ = [
     "World",
     "Writer",
     "__version__",
+    "example_tasks",
     "past_actions",
     "task_names",
 ]
@@ -26,6 +27,7 @@ __version__: str
 class Error(Exception):
     """What went wrong, in the words of the toolkit's programs: the fact, what would be right, the path last."""
 
+def example_tasks() -> list[str]: ...
 def task_names() -> list[str]: ...
 
 @final

@@ -42,7 +42,7 @@ def make(
     """A task under distractors as a Gymnasium environment. Its episodes are those that ``vibes-collect --seed SEED`` records.
 
     Args:
-        task: ball_in_cup-catch, cartpole-swingup, cheetah-run, finger-spin, reacher-easy, walker-walk or swimmer-N.
+        task: one of :func:`vibes.tasks`, as reacher-easy or swimmer-6.
         difficulty: how far the distractors go: easy, medium or hard, as in the Distracting Control Suite.
         dynamic: whether they move during an episode.
         distract: which of background, camera and color; "all" or "none" as well.

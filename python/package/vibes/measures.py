@@ -1,10 +1,11 @@
 """The toolkit's measures on numpy arrays: one definition of every number, the same that ``vibes-train evaluate`` and ``vibes-analyze`` print.
 
-In: latents ``[rows, dims]`` of any model with the key of every row (:class:`Table`). Out: plain dictionaries. Wherever a number has an interval, it is a
-dictionary of ``estimate``, ``low`` and ``high``, the 95% interval over state and distractor trajectories (not a number where there are too few to say).
+In: latents ``[rows, dims]`` of any model with the key of every row (:class:`Table`). Out: plain dictionaries under the names that the programs print, which
+measure/README.md defines. Wherever a number has an interval, it is a dictionary of ``estimate``, ``low`` and ``high``, the 95% interval over state and
+distractor trajectories (not a number where there are too few to say), mostly with ``chance`` beside them: what latents that say nothing would give.
 
     table = vibes.measures.Table(latents, recording=recording)
-    vibes.measures.variance_shares(table)["distractor"]["estimate"]
+    vibes.measures.variance_shares(table)["distractor_share"]["estimate"]
 """
 
 from __future__ import annotations
@@ -114,8 +115,8 @@ def variance_shares(table: Table) -> Numbers:
     """How much of the latents' variance the state explains, the distractor, and neither alone.
 
     Returns:
-        ``state``, ``distractor``, ``interaction`` (they add up to 1), ``within_state`` (0 for a latent that ignores distractors), ``by_step``, and
-        ``of_noise``: what noise would give.
+        ``state_share``, ``distractor_share``, ``interaction_share`` (they add up to 1) and ``within_state_share`` (0 for a latent that ignores
+        distractors) with intervals and ``chance``, and the first three shares ``by_step``.
     """
     return table._native.variance_shares()
 
@@ -137,7 +138,8 @@ def retrieval(table: Table, *, among: str = "same_step", k: int = 1, tolerance: 
         seed: of what is drawn.
 
     Returns:
-        ``found`` with its interval, ``chance``, ``k``, ``queries``.
+        ``retrieval_same_step@k`` or ``retrieval_any_step@k``, with the k that was asked for in the name, its interval and ``chance``; and ``queries``, how
+        many rows were asked for.
     """
     if among not in ("same_step", "any_step"):
         raise _vibes.Error(f"unknown candidates {among!r}, choose one of: same_step, any_step")
@@ -154,7 +156,8 @@ def neighbours(
         table: the latents.
         queries: row numbers ``[queries]``; all rows unless given.
         k: how many.
-        exclude: trajectory (no rows of the query's own episode) or itself.
+        exclude: which rows cannot be neighbours: those of the query's trajectory (its episode), those of its state (trajectory, on a grid), or only the
+            row itself, as ``row``.
         metric: standardized (each dimension over its standard deviation), euclidean or cosine.
 
     Returns:
@@ -189,7 +192,8 @@ def probes(
         seed: of what is drawn.
 
     Returns:
-        For each quantity and probe: ``quantity``, ``probe`` (linear, knn), ``measure``, ``score`` and ``shuffled`` with intervals, ``chance``, ``groups``.
+        For each quantity and probe: ``quantity``, ``probe`` (linear, knn), ``fitting`` (other_recordings, cross_validation), ``measure``,
+        ``score`` and ``shuffled`` with intervals, ``chance``, ``groups``.
     """
     hold_out = dict(hold_out or {})
     if unknown := set(hold_out) - set(quantities):
@@ -256,9 +260,9 @@ def symmetry(
         seed: of what is drawn.
 
     Returns:
-        With intervals: ``ratio`` (latent distance of rotated pairs over that of rows that look as different: 0 is symmetric, 1 is not), ``percentile``
-        (share of the rows that look as different whose latents are farther away than the rotation's) and ``percentile_equal_distance`` (the same among
-        rows of equal distance to the target); and the ``pairs``.
+        With intervals and ``chance``: ``symmetry_ratio`` (latent distance of rotated pairs over that of rows that look as different: 0 is symmetric, 1 is
+        not), ``symmetry_percentile`` (share of the rows that look as different whose latents are farther away than the rotation's) and
+        ``symmetry_percentile_equal_distance`` (the same among rows of equal distance to the target); and the ``pairs``.
     """
     images = np.asarray(pixels)
     images = images.reshape(len(images), -1) if images.ndim else images.reshape(1, 1)

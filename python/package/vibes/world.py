@@ -36,7 +36,7 @@ class World:
     pictures that ``vibes-collect --seed SEED`` records, given the same actions.
 
     Args:
-        task: ball_in_cup-catch, cartpole-swingup, cheetah-run, finger-spin, reacher-easy, walker-walk or swimmer-N.
+        task: one of :func:`vibes.tasks`, as reacher-easy or swimmer-6.
         environments: how many.
         threads: threads of its own that simulate and draw. Unless given one per core, and none for one environment, which works on the thread that
             calls.

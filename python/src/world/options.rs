@@ -5,9 +5,8 @@ use std::path::PathBuf;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde::Deserialize;
-use vibes_data::{ImageSize, Spec};
 use vibes_env::distractors::{Axes, Difficulty, DistractorSettings};
-use vibes_env::render::{Look, MAX_SIZE, RenderSettings, material_names};
+use vibes_env::render::{Look, MAX_SIZE, RenderSettings};
 use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 use vibes_env::{ChosenSeeds, Environment, EnvironmentOptions, EpisodeSeeds};
 
@@ -100,22 +99,5 @@ impl WorldOptions {
     /// The seeds of an episode, as a recording of this seed has them.
     pub(super) fn seeds(&self, seed: u64, state: u32, distractor: u32) -> EpisodeSeeds {
         self.axis_seeds.of_episode(seed, state, distractor)
-    }
-
-    /// The shape of a row.
-    pub(super) fn spec(&self, environment: &Environment) -> Spec {
-        let physics = environment.physics();
-        Spec {
-            task: self.task.clone(),
-            action: environment.action_spec(),
-            observation: environment.observation_spec(),
-            qpos: physics.qpos().len(),
-            qvel: physics.qvel().len(),
-            pixels: self.size.map(|side| ImageSize { height: side, width: side }),
-            materials: material_names(physics.model()),
-            control_timestep: environment.control_timestep(),
-            action_repeat: environment.action_repeat(),
-            quantities: environment.quantities(),
-        }
     }
 }

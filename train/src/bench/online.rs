@@ -14,6 +14,7 @@ use vibes_model::actions::Choice;
 use vibes_model::agent::Agent;
 use vibes_model::behaviour::Behaviour;
 use vibes_model::encode::RawFrames;
+use vibes_model::player::Player;
 use vibes_model::trained::TrainedAgent;
 use vibes_model::{Model, ObservationKind};
 
@@ -144,9 +145,7 @@ fn living(agent: &Agent, online: &OnlineOptions) -> Result<f64> {
     let lived = std::thread::scope(|scope| {
         let thread = ActorThread::start(scope, &online.world, libraries, writer);
         let task = |number| Task {
-            agent: Some(TrainedAgent::World(Box::new(agent.clone()))),
-            choice: Choice::Sample,
-            exploration: 0.0,
+            player: Some(Player::new(TrainedAgent::World(Box::new(agent.clone())), Choice::Sample, 0.0)),
             videos: VideoSet::Train,
             seed: u64::from(number),
             keep: Some((number, "bench".to_owned())),

@@ -6,8 +6,10 @@ use anyhow::{Context as _, Result};
 use clap::Args;
 use vibes_command::Given;
 use vibes_data::{Recording, relative_place, write_atomically};
+use vibes_measure::episodes::PROBE_EPISODES;
 use vibes_measure::intervals::Interval;
-use vibes_measure::numbers::Number;
+use vibes_measure::numbers::{Number, probe_family};
+use vibes_measure::probes::{Fitting, Probe};
 use vibes_model::trained::Trained;
 use vibes_train::TrainError;
 use vibes_train::evaluate::{EvaluateOptions, GapOptions, Gaps, GridSize, Likelihoods, Report, evaluate, gaps};
@@ -28,7 +30,7 @@ pub(crate) struct EvaluateArgs {
     #[arg(long, default_value_t = 500, value_name = "N")]
     gap_updates: u64,
     /// Episodes of the run's recordings that the probes are fitted on, at most; 0, or recordings that are gone: the grid's own trajectories, held out in turn.
-    #[arg(long, default_value_t = 100, value_name = "N")]
+    #[arg(long, default_value_t = PROBE_EPISODES, value_name = "N")]
     probe_episodes: usize,
     /// Where to write the numbers [default: RUN/evaluation.json].
     #[arg(short, long, value_name = "FILE")]
@@ -131,16 +133,34 @@ fn print_report(report: &Report) {
     println!("{:<52} {:>24} {:>13} {:>7}", "number", "latents [95% interval]", "past actions", "chance");
     let is_probe = |number: &&Number| number.name.starts_with("probe");
     report.numbers.iter().filter(|number| !is_probe(number)).for_each(|number| print_number(&number.name, number));
-    match report.fitted_on {
-        Some(episodes) => {
-            println!("read by linear probes fitted on {episodes} training episodes (R²; accuracy for video):");
-        }
-        None => println!("read by linear probes fitted on the grid's other trajectories (R²; accuracy for video):"),
+    for fitting in [Fitting::OtherRecordings, Fitting::CrossValidation] {
+        print_probes(report, fitting);
     }
-    let linear = report.numbers.iter().filter_map(|number| Some((number.name.strip_prefix("probe/")?, number)));
-    let (colors, single): (Vec<_>, Vec<_>) = linear.partition(|(name, _)| is_color(name));
+    if !report.left_out.is_empty() {
+        let names = report.left_out.join(", ");
+        println!(
+            "not read, since the training recordings do not name them (--probe-episodes 0 fits on the grid itself): {names}"
+        );
+    }
+}
+
+/// What linear probes that were fitted in one way read; nothing if none was.
+fn print_probes(report: &Report, fitting: Fitting) {
+    let family = probe_family(Probe::Linear, fitting);
+    let own = |number: &Number| Some(number.name.strip_prefix(family)?.strip_prefix('/')?.to_owned());
+    let linear: Vec<(String, &Number)> =
+        report.numbers.iter().filter_map(|number| Some((own(number)?, number))).collect();
+    if linear.is_empty() {
+        return;
+    }
+    let on = match (fitting, report.fitted_on) {
+        (Fitting::OtherRecordings, Some(episodes)) => format!("fitted on {episodes} training episodes"),
+        _ => "cross-validated over the grid's own trajectories".to_owned(),
+    };
+    println!("{family}/…: read by linear probes {on} (R²; of classes such as the video accuracy):");
+    let (colors, single): (Vec<_>, Vec<_>) = linear.into_iter().partition(|(name, _)| is_color(name));
     for (name, number) in single {
-        let quantity = name.rsplit_once('/').map_or(name, |(quantity, _)| quantity);
+        let quantity = name.rsplit_once('/').map_or(name.as_str(), |(quantity, _)| quantity);
         print_number(&format!("{}: {name}", report.quantities.get(quantity).unwrap_or(&"")), number);
     }
     if !colors.is_empty() {
@@ -154,12 +174,6 @@ fn print_report(report: &Report) {
             mean(&|n| n.value.estimate),
             mean(&actions),
             mean(&|n| n.chance)
-        );
-    }
-    if !report.left_out.is_empty() {
-        let names = report.left_out.join(", ");
-        println!(
-            "not read, since the training recordings do not name them (--probe-episodes 0 fits on the grid itself): {names}"
         );
     }
 }

@@ -89,10 +89,11 @@ fn print_row(row: &Row, updates: u64) {
         "  updates      {} of {updates}, {:.1} a second, {:.0} frames a second",
         row.update, row.updates_per_second, row.frames_per_second
     );
-    let gap = row.stated("gap").map_or(String::new(), |gap| format!(", adversary ahead by {gap:.3}"));
+    let ahead = row.stated("adversary_minus_dynamics");
+    let ahead = ahead.map_or(String::new(), |nats| format!(", adversary ahead by {nats:.3}"));
     println!(
-        "  latents      log-likelihood under the dynamics {:.3} nats{gap}; effective rank {:.1}",
-        row.dynamics_log_likelihood, row.effective_rank
+        "  latents      log-likelihood under the dynamics {:.3} nats{ahead}; effective rank {:.1}",
+        row.dynamics_log_likelihood, row.batch_effective_rank
     );
     println!("  reward       log-likelihood {:.3} nats", row.reward_log_likelihood);
 }

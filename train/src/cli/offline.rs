@@ -26,7 +26,7 @@ pub(crate) struct OfflineArgs {
     /// The run folder [default: runs/RECORDING-OBJECTIVE].
     #[arg(short, long, value_name = "RUN")]
     output: Option<PathBuf>,
-    /// Begin with the newest weights of another run, of the same task, sizes and objective.
+    /// Go on from the newest checkpoint of another run, of the same task, sizes and objective: its weights, the optimisers' moments, and how far its schedules had come.
     #[arg(long, value_name = "RUN")]
     from: Option<PathBuf>,
     /// A held-out grid to evaluate the latents on while training.

@@ -108,7 +108,7 @@ fn summary(line: &Line) -> String {
         line.entropy,
         line.world.dynamics_log_likelihood,
         line.world.reward_log_likelihood,
-        line.world.effective_rank,
+        line.world.batch_effective_rank,
     )
 }
 

@@ -101,10 +101,11 @@ impl Progress {
 }
 
 fn summary(row: &Row) -> String {
-    let gap = row.stated("gap").map_or(String::new(), |gap| format!(", gap {gap:.2}"));
+    let ahead = row.stated("adversary_minus_dynamics");
+    let ahead = ahead.map_or(String::new(), |nats| format!(", adversary ahead by {nats:.2}"));
     format!(
-        "dynamics {:.2}{gap}, reward {:.3}, rank {:.1}, variance {:.3}",
-        row.dynamics_log_likelihood, row.reward_log_likelihood, row.effective_rank, row.latent_variance
+        "dynamics {:.2}{ahead}, reward {:.3}, rank {:.1}, variance {:.3}",
+        row.dynamics_log_likelihood, row.reward_log_likelihood, row.batch_effective_rank, row.latent_variance
     )
 }
 

@@ -14,7 +14,7 @@ use vibes_command::{Ending, error_text, stop_on_signals};
 use vibes_train::TrainError;
 use vibes_train::sweep::{self, Element, Engine, Plan, StageEnd, State, Status, line, run_element};
 
-use super::{Cli, Context, dispatch, judge};
+use super::{Cli, Context, judge};
 
 /// How often children and the clock are looked at.
 const LOOK: Duration = Duration::from_millis(100);
@@ -61,7 +61,11 @@ enum EngineName {
     Parallel,
 }
 
-pub(crate) fn run(context: &Context, args: &SweepArgs) -> Result<Ending> {
+/// What carries out one command line of this program.
+type Verb = fn(Cli) -> Result<Ending>;
+
+/// Carries out a sweep; `verb` does this program's own stages.
+pub(crate) fn run(context: &Context, args: &SweepArgs, verb: Verb) -> Result<Ending> {
     let elements = Plan::read(&args.plan)?.expand()?;
     check(&elements)?;
     if args.what.status {
@@ -86,7 +90,7 @@ pub(crate) fn run(context: &Context, args: &SweepArgs) -> Result<Ending> {
                     stop.store(true, Ordering::Relaxed);
                 });
             }
-            here(context, &elements, &indices(text, elements.len())?, stop)
+            here(context, &elements, &indices(text, elements.len())?, (verb, stop))
         }
         (None, Some(jobs)) => children(context, &args.plan, &elements, usize::from(jobs), stop),
         (None, None) if args.stop_after.is_some() => {
@@ -223,11 +227,16 @@ fn indices(text: &str, count: usize) -> Result<Vec<usize>> {
 }
 
 /// Does some runs in this process. One that fails does not keep the others from being done.
-fn here(context: &Context, elements: &[Element], chosen: &[usize], stop: &AtomicBool) -> Result<Ending> {
+fn here(
+    context: &Context,
+    elements: &[Element],
+    chosen: &[usize],
+    (verb, stop): (Verb, &AtomicBool),
+) -> Result<Ending> {
     let mut failed = Vec::new();
     for &index in chosen {
         let element = &elements[index];
-        match run_element(element, stop, &mut |words| carry_out(context, words, stop)) {
+        match run_element(element, stop, &mut |words| carry_out(context, words, verb, stop)) {
             Ok(None) => say(context, &format!("run {index} is done already: {}", element.folder.display())),
             Ok(Some(StageEnd::Done)) => say(context, &format!("run {index} is done: {}", element.folder.display())),
             Ok(Some(StageEnd::Again)) => {
@@ -258,12 +267,12 @@ fn ended(failed: &[usize], runs: usize) -> Result<Ending> {
 }
 
 /// Carries out one command line: this program's own verbs in this process, another program as a child.
-fn carry_out(context: &Context, words: &[String], stop: &AtomicBool) -> Result<StageEnd> {
+fn carry_out(context: &Context, words: &[String], verb: Verb, stop: &AtomicBool) -> Result<StageEnd> {
     say(context, &line(words));
     let ending = if words[0] == "vibes-train" {
         let mut cli = Cli::try_parse_from(words)?;
         cli.output.quiet |= context.quiet;
-        match dispatch(cli) {
+        match verb(cli) {
             Err(error) if judge(&error) == Ending::Again => Ending::Again,
             ending => ending?,
         }

@@ -26,6 +26,7 @@ use vibes_model::init::normal;
 use vibes_model::mlp::{Mlp, MlpConfig};
 use vibes_model::parameters::to_values;
 
+use super::rows::trajectories;
 use crate::batch::Batch;
 use crate::encode::check_fit;
 use crate::error::Result;
@@ -209,6 +210,7 @@ impl Correctors {
     ) -> Result<Judged> {
         let (critic, refitted) = (self.critic.valid(), self.refitted.valid());
         let (mut sums, mut labels) = (Vec::new(), Vec::new());
+        let trajectories = trajectories(recordings)?;
         let all: usize = recordings.iter().map(|recording| recording.episodes().len()).sum();
         for (at, recording) in recordings.iter().enumerate() {
             let windows = Windows::new(std::slice::from_ref(recording), options.length, options.batch)?;
@@ -219,23 +221,12 @@ impl Correctors {
                 let scene = Scene::new(model, &batch, device, rng)?;
                 let of = [scene.model(model), scene.refitted(&refitted, model), scene.critic(&critic, model)?];
                 sums.extend(scene.by_window(&of));
-                labels.extend(drawn.starts.iter().map(|start| label(at, recording, start.0)));
+                labels.extend(drawn.starts.iter().map(|start| trajectories[&(at, start.0)]));
             }
         }
         let trajectories = Trajectories::new(&labels);
         let of = |quantity: usize, rng: &mut ChaCha8Rng| likelihoods(&trajectories, &sums, quantity, rng);
         Ok(Judged { dynamics: of(0, rng), reward: of(1, rng) })
-    }
-}
-
-/// What is drawn again for an interval: the cell of a window's episode, or the episode itself, numbered by recording.
-fn label(recording: usize, of: &Recording, episode: u32) -> ((u8, u32), Option<u32>) {
-    let cell = of.episodes().iter().find(|entry| entry.index == episode).and_then(|entry| entry.cell);
-    let kind = u8::try_from(recording).unwrap_or(u8::MAX);
-    match cell {
-        // Numbers of distractors are below 2^24; those of two recordings are not the same distractors.
-        Some(cell) => ((kind, cell.state), Some(u32::from(kind) << 24 | cell.distractor)),
-        None => ((kind, episode), None),
     }
 }
 

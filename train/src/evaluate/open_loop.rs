@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! r̂_t+k = mean of R(ŝ_t+k, a_t+k),   h_t+i+1 = f(h_t+i, ŝ_t+i, a_t+i),   ŝ_t+i+1 = mean of p(· | h_t+i+1)
-//! R²(k) = 1 − Σ (r_t+k − r̂_t+k)² / Σ (r_t+k − mean r)²,   over starts t and episodes
+//! R²(k): of r̂_t+k against the earned r_t+k, over starts t and episodes
 //! ```
 //!
 //! Shuffled actions are a stretch of another episode's (of another state trajectory, on a grid). A model that a policy can learn from predicts well under the
@@ -16,6 +16,7 @@ use rand_chacha::ChaCha8Rng;
 use vibes_data::EpisodeView;
 use vibes_measure::intervals::{Interval, Trajectories};
 use vibes_measure::numbers::{Number, Numbers};
+use vibes_measure::r_squared::{Squares, r_squared};
 use vibes_model::parameters::to_values;
 use vibes_model::{Model, World, scale};
 
@@ -177,15 +178,6 @@ impl Scene<'_> {
     }
 }
 
-/// Sums over the starts of a cell or episode.
-#[derive(Clone, Copy, Default)]
-struct Sums {
-    count: f64,
-    reward: f64,
-    reward_squares: f64,
-    error_squares: f64,
-}
-
 fn judge(
     episodes: &[Episode<'_>],
     starts: &[Start],
@@ -194,24 +186,11 @@ fn judge(
     trajectories: &Trajectories,
     seed: u64,
 ) -> Interval {
-    let mut sums = vec![Sums::default(); trajectories.units()];
-    for (start, predicted) in starts.iter().zip(predicted) {
+    let mut squares = vec![Squares::default(); trajectories.units()];
+    for (start, &predicted) in starts.iter().zip(predicted) {
         let episode = &episodes[start.episode];
         let earned = f64::from(episode.view.reward(start.step + ahead));
-        let sums = &mut sums[trajectories.unit(episode.first + start.step)];
-        sums.count += 1.0;
-        sums.reward += earned;
-        sums.reward_squares += earned * earned;
-        sums.error_squares += (predicted - earned).powi(2);
+        squares[trajectories.unit(episode.first + start.step)].add(earned, predicted);
     }
-    trajectories.bootstrap(&mut ChaCha8Rng::seed_from_u64(seed), |weights| r_squared(&sums, weights))
-}
-
-/// R² where each cell or episode counts with its weight.
-fn r_squared(sums: &[Sums], weights: &[f64]) -> f64 {
-    let total = |of: fn(&Sums) -> f64| sums.iter().zip(weights).map(|(sums, weight)| weight * of(sums)).sum::<f64>();
-    let count = total(|sums| sums.count);
-    let mean = total(|sums| sums.reward) / count;
-    let spread = total(|sums| sums.reward_squares) - count * mean * mean;
-    if spread > 1e-9 * count { 1.0 - total(|sums| sums.error_squares) / spread } else { f64::NAN }
+    trajectories.bootstrap(&mut ChaCha8Rng::seed_from_u64(seed), |weights| r_squared(&squares, weights))
 }

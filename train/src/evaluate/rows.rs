@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use vibes_data::{About, EpisodeView, Readable, Recording};
+use vibes_data::{About, EpisodeEntry, EpisodeView, Readable, Recording};
 use vibes_measure::Table;
+use vibes_measure::episodes::{Chosen, Episode, chosen};
+use vibes_measure::intervals::Label;
 use vibes_measure::past_actions::{past_action_dims, past_action_features};
 use vibes_measure::probes::{HoldOut, Quantity, Values};
 
@@ -26,13 +28,12 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// The rows of at most `most` episodes, evenly spread over the recordings.
+    /// The rows of at most `most` episodes, evenly spread over the recordings; views of one state trajectory are one (see [`vibes_measure::episodes`]).
     ///
     /// # Errors
     /// An episode cannot be read.
     pub fn of(recordings: &[Recording], most: usize) -> Result<Self> {
-        let all: usize = recordings.iter().map(|recording| recording.episodes().len()).sum();
-        let every = all.div_ceil(most.max(1)).max(1);
+        let all = episodes(recordings);
         let mut rows = Self {
             views: Vec::new(),
             readable: recordings.iter().map(|recording| recording.manifest().spec.readable()).collect(),
@@ -42,38 +43,19 @@ impl Rows {
             state: Vec::new(),
             distractor: Vec::new(),
         };
-        let entries = recordings
-            .iter()
-            .enumerate()
-            .flat_map(|(at, recording)| recording.episodes().iter().map(move |entry| (at, recording, entry.index)));
-        let mut offset = Offset::default();
-        for (number, (at, recording, index)) in entries.enumerate() {
-            if number % every == 0 {
-                offset.begin(at, &rows);
-                rows.push(at, recording.episode(index)?, offset);
-            }
+        for one in chosen(&all, most, |place| actions(recordings, all[place]))? {
+            let Episode { recording, index, .. } = all[one.place];
+            rows.push(recording, recordings[recording].episode(index)?, one);
         }
-        rows.share_states();
         Ok(rows)
     }
 
-    /// Gives episodes of several recordings that took the same actions one state trajectory: views of a recording drawn again (`vibes-collect render`), even turned
-    /// round, are not other trajectories, and what is fitted on one must not be checked on the other.
-    fn share_states(&mut self) {
-        let several = self.recording.windows(2).any(|pair| pair[0] != pair[1]);
-        let Some(states) = several.then(|| drawn_again(&self.views)).flatten() else { return };
-        let of_rows = |(view, state): (&EpisodeView, u32)| std::iter::repeat_n(Some(state), view.rows());
-        self.state = self.views.iter().zip(states).flat_map(of_rows).collect();
-        self.distractor = self.episode.iter().copied().map(Some).collect();
-    }
-
-    fn push(&mut self, recording: usize, view: EpisodeView, offset: Offset) {
+    fn push(&mut self, recording: usize, view: EpisodeView, numbers: Chosen) {
         let count = view.rows();
-        self.episode.extend(std::iter::repeat_n(view.index() + offset.episode, count));
+        self.episode.extend(std::iter::repeat_n(numbers.episode, count));
         self.step.extend(0..count as u32);
-        let cell = view.cell();
-        self.state.extend(std::iter::repeat_n(cell.map(|cell| cell.state + offset.state), count));
-        self.distractor.extend(std::iter::repeat_n(cell.map(|cell| cell.distractor + offset.distractor), count));
+        self.state.extend(std::iter::repeat_n(numbers.state, count));
+        self.distractor.extend(std::iter::repeat_n(numbers.distractor, count));
         self.recording.push(recording);
         self.views.push(view);
     }
@@ -161,38 +143,33 @@ impl Rows {
     }
 }
 
-/// A number for every episode, the same for those that took the same actions; nothing where all differ, or where none do, as under a policy that always does the same.
-fn drawn_again(views: &[EpisodeView]) -> Option<Vec<u32>> {
-    let bits = |view: &EpisodeView| -> Vec<u32> {
-        (0..view.steps()).flat_map(|step| view.action(step)).map(|value| value.to_bits()).collect()
-    };
-    let mut numbers = BTreeMap::new();
-    let mut number = |actions| {
-        let next = numbers.len() as u32;
-        *numbers.entry(actions).or_insert(next)
-    };
-    let states: Vec<u32> = views.iter().map(|view| number(bits(view))).collect();
-    (1 < numbers.len() && numbers.len() < views.len()).then_some(states)
+/// What is drawn again for an interval, by recording and episode: the cell of an episode, or the episode itself; views of one state trajectory are one.
+///
+/// # Errors
+/// An episode cannot be read.
+pub fn trajectories(recordings: &[Recording]) -> Result<BTreeMap<(usize, u32), Label>> {
+    let all = episodes(recordings);
+    let numbered = chosen(&all, usize::MAX, |place| actions(recordings, all[place]))?;
+    Ok(numbered.iter().map(|one| ((all[one.place].recording, all[one.place].index), one.label())).collect())
 }
 
-/// What is added to the numbers of a recording's episodes and cells.
-#[derive(Debug, Clone, Copy, Default)]
-struct Offset {
-    recording: usize,
-    episode: u32,
-    state: u32,
-    distractor: u32,
+/// All episodes of some recordings, recording after recording.
+fn episodes(recordings: &[Recording]) -> Vec<Episode> {
+    let of = |(recording, of): (usize, &Recording)| {
+        let episode = |entry: &EpisodeEntry| Episode {
+            recording,
+            index: entry.index,
+            cell: entry.cell.map(|cell| (cell.state, cell.distractor)),
+        };
+        of.episodes().iter().map(episode).collect::<Vec<_>>()
+    };
+    recordings.iter().enumerate().flat_map(of).collect()
 }
 
-impl Offset {
-    /// Before the first episode of a recording.
-    fn begin(&mut self, recording: usize, before: &Rows) {
-        if recording != self.recording {
-            let after = |column: &[Option<u32>]| column.iter().flatten().max().map_or(0, |last| last + 1);
-            let episode = before.episode.iter().max().map_or(0, |last| last + 1);
-            *self = Self { recording, episode, state: after(&before.state), distractor: after(&before.distractor) };
-        }
-    }
+/// All actions of an episode, one after the other.
+fn actions(recordings: &[Recording], of: Episode) -> Result<Vec<f32>> {
+    let view = recordings[of.recording].episode(of.index)?;
+    Ok((0..view.steps()).flat_map(|step| view.action(step)).copied().collect())
 }
 
 /// The rows with an action.

@@ -10,14 +10,13 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::Scope;
 use std::time::Instant;
 
-use rand::{Rng, RngCore, SeedableRng};
+use rand::{RngCore, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use vibes_data::{Episode, EpisodeBuilder, EpisodeInfo, RecordingWriter};
+use vibes_data::{Episode, EpisodeInfo, RecordingWriter};
 use vibes_env::videos::{VideoLibrary, VideoSet};
-use vibes_env::{EpisodeSeeds, Eyes};
-use vibes_model::actions::Choice;
-use vibes_model::init;
-use vibes_model::trained::TrainedAgent;
+use vibes_env::{Eyes, Policy, SingleRandom, Start, Trained, rollout_frames};
+use vibes_model::ObservationKind;
+use vibes_model::player::Player;
 
 use super::options::WorldOptions;
 use crate::error::{Result, TrainError};
@@ -26,12 +25,8 @@ use crate::replay;
 /// An episode to live through.
 #[derive(Debug)]
 pub struct Task {
-    /// Who acts; without an agent, actions are drawn uniformly from the task's bounds.
-    pub agent: Option<TrainedAgent>,
-    /// Mode or sample.
-    pub choice: Choice,
-    /// Standard deviation of noise on the executed action, in units of −1..1.
-    pub exploration: f64,
+    /// Who acts; without a player, actions are drawn uniformly from the task's bounds.
+    pub player: Option<Player>,
     /// Training or held-out videos.
     pub videos: VideoSet,
     /// Of the start, the choices and the distractors.
@@ -139,7 +134,7 @@ pub(super) struct Stage<'a> {
 }
 
 impl Stage<'_> {
-    pub(super) fn live(&mut self, mut task: Task) -> Result<Lived> {
+    pub(super) fn live(&mut self, task: Task) -> Result<Lived> {
         let begun = Instant::now();
         let place = match task.videos {
             VideoSet::Train => 0,
@@ -149,68 +144,33 @@ impl Stage<'_> {
             Some(eyes) => eyes,
             None => self.world.eyes(Arc::clone(&self.libraries[place]))?,
         };
-        let outcome = live(&mut eyes, &mut task, self.world.steps);
+        let mut policy = policy(task.player, &eyes);
+        let outcome = rollout_frames(&mut eyes, policy.as_mut(), self.world.steps, task.seed.into());
         self.eyes[place] = Some(eyes);
-        let (episode, model_overrides) = outcome?;
+        let (start, episode) = outcome?;
+        let (steps, episode_return) = (episode.steps() as u32, episode.episode_return());
         if let Some((index, policy)) = task.keep {
-            let info = EpisodeInfo { policy, seed: task.seed, model_overrides };
-            replay::write(&self.writer, &Episode { index, ..episode.clone() }, info)?;
+            self.write(Episode { index, ..episode }, &start, policy, task.seed)?;
         }
-        Ok(Lived {
-            steps: episode.steps() as u32,
-            episode_return: episode.episode_return(),
-            seconds: begun.elapsed().as_secs_f64(),
-        })
+        Ok(Lived { steps, episode_return, seconds: begun.elapsed().as_secs_f64() })
+    }
+
+    fn write(&self, episode: Episode, start: &Start, policy: String, seed: u64) -> Result<()> {
+        let model_overrides = serde_json::to_value(&start.model_overrides).unwrap_or_default();
+        replay::write(&self.writer, &episode, EpisodeInfo { policy, seed, model_overrides })
     }
 }
 
-/// The loop: observation, action, reward, next observation.
-fn live(eyes: &mut Eyes, task: &mut Task, steps: u32) -> Result<(Episode, serde_json::Value)> {
-    let seeds = EpisodeSeeds::from(task.seed);
-    let [mut start, mut choices] = seeds.generators();
-    let start = eyes.reset(&mut start, seeds.distractors)?;
-    if let Some(agent) = &mut task.agent {
-        agent.begin();
-    }
-    let bounds = eyes.environment().action_spec();
-    let (low, high): (Vec<f32>, Vec<f32>) =
-        bounds.min.iter().zip(&bounds.max).map(|(&low, &high)| (low as f32, high as f32)).unzip();
-    let mut frame = eyes.frame()?;
-    let mut episode = EpisodeBuilder::first(0, None, frame.clone());
-    let mut action = vec![0.0_f32; low.len()];
-    for _ in 0..steps {
-        action = match &mut task.agent {
-            Some(agent) => {
-                let seen = agent.look(&frame.pixels, &frame.observation);
-                let mut action = agent.act(seen, &action, task.choice, &mut choices)?;
-                explore(&mut action, &low, &high, task.exploration, &mut choices);
-                action
-            }
-            None => low.iter().zip(&high).map(|(&low, &high)| random_between(low, high, &mut choices)).collect(),
-        };
-        let exact: Vec<f64> = action.iter().map(|&number| f64::from(number)).collect();
-        let reward = eyes.step(&exact)?;
-        frame = eyes.frame()?;
-        // No task here ends; the time limit is not an end.
-        episode.step(&action, reward as f32, 1.0, frame.clone());
-    }
-    Ok((episode.finish(false), serde_json::to_value(&start.model_overrides).unwrap_or_default()))
-}
-
-fn random_between(low: f32, high: f32, rng: &mut impl Rng) -> f32 {
-    if high > low { rng.random_range(low..=high) } else { low }
-}
-
-/// Adds noise and cuts to the bounds: what is executed is what is stored and what the model sees.
-fn explore(action: &mut [f32], low: &[f32], high: &[f32], exploration: f64, rng: &mut impl RngCore) {
-    if exploration <= 0.0 {
-        return;
-    }
-    let noise = init::normal(action.len(), rng);
-    for (((number, noise), low), high) in action.iter_mut().zip(noise).zip(low).zip(high) {
-        let half = (high - low) / 2.0;
-        *number = (*number + noise * half * exploration as f32).clamp(*low, *high);
-    }
+/// Who acts, as a policy of the world that these eyes see.
+fn policy(player: Option<Player>, eyes: &Eyes) -> Box<dyn Policy> {
+    let Some(mut player) = player else { return Box::new(SingleRandom) };
+    let pictures = match player.agent().observation() {
+        ObservationKind::Pixels { .. } => eyes.pictures(),
+        ObservationKind::Vector { .. } => None,
+    };
+    Box::new(Trained::new("in training".to_owned(), pictures, move |sight, is_first, mut rng| {
+        player.act(is_first, sight.pixels, sight.observation, &mut rng).map_err(Into::into)
+    }))
 }
 
 /// The seed of an episode: of its kind and number alone.

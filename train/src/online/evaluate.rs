@@ -6,8 +6,9 @@ use std::path::Path;
 use serde::Serialize;
 use vibes_data::write_atomically;
 use vibes_env::videos::VideoSet;
-use vibes_measure::intervals::student;
+use vibes_measure::returns::mean_return;
 use vibes_model::actions::Choice;
+use vibes_model::player::Player;
 use vibes_model::trained::TrainedAgent;
 
 use super::actor::{ActorThread, EpisodeKind, Task, episode_seed};
@@ -59,10 +60,10 @@ pub struct Evaluation {
 }
 
 impl Returns {
-    fn of(returns: Vec<f64>) -> Self {
-        let found = student(&returns);
+    fn of(returns: Vec<f64>) -> Result<Self> {
+        let found = mean_return(&returns)?;
         let interval = found.low.is_finite().then_some([found.low, found.high]);
-        Self { mean_return: found.estimate, interval, returns }
+        Ok(Self { mean_return: found.estimate, interval, returns })
     }
 }
 
@@ -78,17 +79,16 @@ pub fn evaluate(
     seed: u64,
     is_final: bool,
 ) -> Result<Evaluation> {
+    let choice = if options.evaluate_mode { Choice::Mode } else { Choice::Sample };
     let returns = |kind, videos, count| {
         let task = |number: u32| Task {
-            agent: Some(agent.clone()),
-            choice: if options.evaluate_mode { Choice::Mode } else { Choice::Sample },
-            exploration: 0.0,
+            player: Some(Player::new(agent.clone(), choice, 0.0)),
             videos,
             seed: episode_seed(seed, kind, u64::from(number)),
             keep: None,
         };
         let lived = (0..count).map(|number| Ok(acting.live(task(number))?.episode_return));
-        lived.collect::<Result<Vec<f64>>>().map(Returns::of)
+        Returns::of(lived.collect::<Result<Vec<f64>>>()?)
     };
     let (held_out, training_videos) = if is_final {
         (returns(EpisodeKind::Final, VideoSet::Val, options.final_episodes.max(1))?, None)

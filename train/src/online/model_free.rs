@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 use vibes_data::MetricsFile;
 use vibes_env::videos::VideoSet;
 use vibes_model::actions::Choice;
+use vibes_model::player::Player;
 use vibes_model::trained::TrainedAgent;
 
 use super::BETWEEN_SAVES;
@@ -224,9 +225,7 @@ impl Training<'_> {
     fn task(&self, agent: Option<TrainedAgent>, policy: String) -> Task {
         let number = self.state.episodes;
         Task {
-            agent,
-            choice: Choice::Sample,
-            exploration: 0.0,
+            player: agent.map(|agent| Player::new(agent, Choice::Sample, 0.0)),
             videos: VideoSet::Train,
             seed: episode_seed(self.options.seed, EpisodeKind::Training, u64::from(number)),
             keep: Some((number, policy)),

@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 use vibes_env::distractors::DistractorSettings;
+use vibes_env::suite_tasks;
 
 use crate::error::{Result, TrainError};
 
@@ -19,16 +20,6 @@ pub enum Protocol {
 
 const CONTROL_STEPS: u64 = 500_000;
 const FINAL_EPISODES: u32 = 100;
-
-/// The suite's action repeats.
-const REPEATS: [(&str, u32); 6] = [
-    ("ball_in_cup-catch", 4),
-    ("cartpole-swingup", 8),
-    ("cheetah-run", 4),
-    ("finger-spin", 2),
-    ("reacher-easy", 4),
-    ("walker-walk", 2),
-];
 
 /// What a protocol fixes for a task.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,7 +37,7 @@ pub struct Settings {
 impl Protocol {
     /// Its settings for a task; none for a task that it does not have.
     pub fn settings(self, task: &str) -> Option<Settings> {
-        let (_, action_repeat) = REPEATS.into_iter().find(|(name, _)| *name == task)?;
+        let (_, action_repeat) = suite_tasks().into_iter().find(|(name, _)| *name == task)?;
         Some(Settings {
             action_repeat,
             control_steps: CONTROL_STEPS,
@@ -57,7 +48,7 @@ impl Protocol {
 
     /// Its tasks.
     pub fn tasks(self) -> impl Iterator<Item = &'static str> {
-        REPEATS.into_iter().map(|(task, _)| task)
+        suite_tasks().into_iter().map(|(task, _)| task)
     }
 }
 
@@ -89,6 +80,16 @@ mod tests {
         let protocol: Protocol = "dcs-easy-dynamic-500k".parse().unwrap();
         assert_eq!(serde_json::to_string(&protocol).unwrap(), format!("\"{protocol}\""));
         assert!("dcs".parse::<Protocol>().unwrap_err().to_string().contains("dcs-easy-dynamic-500k"));
+    }
+
+    #[test]
+    fn it_has_settings_for_the_tasks_of_the_suite_and_no_other() {
+        let protocol = Protocol::DcsEasyDynamic500k;
+        for (task, action_repeat) in suite_tasks() {
+            assert_eq!(protocol.settings(task).map(|settings| settings.action_repeat), Some(action_repeat), "{task}");
+        }
+        assert_eq!(protocol.tasks().count(), 6);
+        assert_eq!(protocol.settings("swimmer-5"), None);
     }
 
     #[test]

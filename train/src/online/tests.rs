@@ -5,6 +5,7 @@ use std::path::Path;
 
 use vibes_data::{RunFolder, verify_recording};
 use vibes_env::distractors::{Axes, DistractorSettings};
+use vibes_env::{Trained, rollout_frames};
 
 use super::model_free::folder::{FORMAT, Folder, ModelFreeOptions};
 use super::model_free::model_free_living;
@@ -223,4 +224,25 @@ fn an_offline_run_is_gone_on_from_with_its_own_sizes_and_action_repeat_alone() {
     let added = added.unwrap();
     let setup = Setup { run: &added.run, options: &added.options, given: &added.given, device: &Device::flex() };
     assert_eq!(online(&setup, &mut |_| Go::On).unwrap(), End::Updates);
+}
+
+/// A run's own evaluation and a policy that is loaded from its checkpoint are one way of acting.
+#[test]
+fn the_last_evaluation_is_what_the_saved_agent_does_in_the_one_loop() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    with_a_world_model(&run, actor::as_it_is).unwrap();
+    let text = std::fs::read_to_string(run.join("evaluations.jsonl")).unwrap();
+    let line: serde_json::Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
+    let newest = RunFolder::at(&run).newest_checkpoint().unwrap();
+    let agent = TrainedAgent::load(&newest, &Device::flex()).unwrap();
+    let mut player = Player::new(agent, Choice::Mode, 0.0);
+    let mut policy = Trained::new("saved".to_owned(), None, move |sight, is_first, mut rng| {
+        player.act(is_first, sight.pixels, sight.observation, &mut rng).map_err(Into::into)
+    });
+    let world = options().world;
+    let mut eyes = world.eyes(world.video_library(VideoSet::Val).unwrap()).unwrap();
+    let seed = episode_seed(tiny().seed, EpisodeKind::Final, 0);
+    let (_, episode) = rollout_frames(&mut eyes, &mut policy, world.steps, seed.into()).unwrap();
+    assert_eq!(line["held_out"]["returns"][0].as_f64(), Some(episode.episode_return()), "{line}");
 }

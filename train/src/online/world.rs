@@ -1,12 +1,11 @@
 //! The world of an online run: its environment and videos, made from [`WorldOptions`], and the header of the recording of what is lived through in it.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use vibes_data::{FORMAT, ImageSize, Manifest, Spec, Video};
-use vibes_env::render::{RenderSettings, material_names};
+use vibes_data::{Manifest, Spec, Video};
+use vibes_env::render::RenderSettings;
 use vibes_env::videos::{VideoLibrary, VideoSet};
-use vibes_env::{Environment, EnvironmentOptions, Eyes};
+use vibes_env::{Environment, EnvironmentOptions, Eyes, Heading};
 
 use super::options::WorldOptions;
 use crate::error::Result;
@@ -66,20 +65,7 @@ impl WorldOptions {
     /// # Errors
     /// There is no such task.
     pub fn spec(&self) -> Result<Spec> {
-        let environment = self.environment()?;
-        let physics = environment.physics();
-        Ok(Spec {
-            task: self.task.clone(),
-            action: environment.action_spec(),
-            observation: environment.observation_spec(),
-            qpos: physics.qpos().len(),
-            qvel: physics.qvel().len(),
-            pixels: self.size.map(|side| ImageSize { height: side, width: side }),
-            quantities: environment.quantities(),
-            materials: material_names(physics.model()),
-            control_timestep: environment.control_timestep(),
-            action_repeat: environment.action_repeat(),
-        })
+        Ok(self.environment()?.spec(self.size))
     }
 
     /// The header of the recording, with options that the collector reads like those of its own recordings.
@@ -94,19 +80,6 @@ impl WorldOptions {
             });
             options.extend(more.as_object().cloned().unwrap_or_default());
         }
-        let versions = [("vibes", env!("CARGO_PKG_VERSION")), ("mujoco", "3.17.0"), ("dm_control models", "1.0.50")];
-        Ok(Manifest {
-            format: FORMAT.into(),
-            spec: self.spec()?,
-            options,
-            seed,
-            versions: versions
-                .map(|(name, version)| (name.into(), version.into()))
-                .into_iter()
-                .collect::<BTreeMap<_, _>>(),
-            grid: None,
-            videos: videos.to_vec(),
-            episodes: Vec::new(),
-        })
+        Ok(Heading { spec: self.spec()?, options, seed, grid: None, videos: videos.to_vec() }.manifest())
     }
 }

@@ -12,6 +12,8 @@ use crate::error::{Result, TrainError, io};
 
 /// Longest value in a folder's name; longer ones are named by their checksum.
 const LONGEST: usize = 32;
+/// The most runs that a plan may stand for: a slip of the keyboard in `seeds` must not fill the memory.
+const MOST_RUNS: usize = 100_000;
 
 type Settings = BTreeMap<String, String>;
 
@@ -56,29 +58,31 @@ impl Plan {
     /// Every run.
     ///
     /// # Errors
-    /// Lists of different lengths under `[zip]`, a setting in two places, a setting that no stage uses, a placeholder that is no setting, two runs of one name.
+    /// More runs than anyone makes, lists of different lengths under `[zip]`, a setting in two places, a setting that no stage uses, a placeholder that is no
+    /// setting, two runs of one name.
     pub fn expand(&self) -> Result<Vec<Element>> {
         self.check_once()?;
         let mut all = vec![Settings::new()];
         for (key, values) in sorted(&self.grid) {
             let values = texts(key, values)?;
-            all = product(&all, &values.iter().map(|value| one(key, value)).collect::<Vec<_>>());
+            all = product(&all, &values.iter().map(|value| one(key, value)).collect::<Vec<_>>())?;
         }
         if !self.zip.is_empty() {
-            all = product(&all, &self.zipped()?);
+            all = product(&all, &self.zipped()?)?;
         }
         if !self.list.is_empty() {
             let entries = self.list.iter().map(|table| {
                 sorted(table).map(|(key, value)| Ok((key.clone(), text(key, value)?))).collect::<Result<Settings>>()
             });
-            all = product(&all, &entries.collect::<Result<Vec<_>>>()?);
+            all = product(&all, &entries.collect::<Result<Vec<_>>>()?)?;
         }
         if let Some(seeds) = &self.seeds {
             let seeds: Vec<u64> = match seeds {
+                Seeds::Count(count) if *count > MOST_RUNS as u64 => return Err(too_many()),
                 Seeds::Count(count) => (0..*count).collect(),
                 Seeds::These(seeds) => seeds.clone(),
             };
-            all = product(&all, &seeds.iter().map(|seed| one("seed", &seed.to_string())).collect::<Vec<_>>());
+            all = product(&all, &seeds.iter().map(|seed| one("seed", &seed.to_string())).collect::<Vec<_>>())?;
         }
         self.elements(all)
     }
@@ -164,9 +168,16 @@ fn one(key: &str, value: &str) -> Settings {
 }
 
 /// Every one of `all` with every one of `more`, the latter changing faster.
-fn product(all: &[Settings], more: &[Settings]) -> Vec<Settings> {
+fn product(all: &[Settings], more: &[Settings]) -> Result<Vec<Settings>> {
+    if all.len().saturating_mul(more.len()) > MOST_RUNS {
+        return Err(too_many());
+    }
     let join = |left: &Settings, right: &Settings| left.clone().into_iter().chain(right.clone()).collect();
-    all.iter().flat_map(|left| more.iter().map(move |right| join(left, right))).collect()
+    Ok(all.iter().flat_map(|left| more.iter().map(move |right| join(left, right))).collect())
+}
+
+fn too_many() -> TrainError {
+    wrong(format!("the plan stands for more than {MOST_RUNS} runs; take fewer seeds or values"))
 }
 
 fn texts(key: &str, values: &Value) -> Result<Vec<String>> {

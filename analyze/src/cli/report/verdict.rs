@@ -8,6 +8,8 @@ use crate::input::Run;
 use crate::metrics::{HELD_OUT_RETURN, RETURNS};
 use crate::picture::number::minus;
 use crate::report::{Answer, Measure, Verdict};
+use vibes_measure::numbers::probe_family;
+use vibes_measure::probes::{Fitting, Probe, over_chance};
 
 /// What is known about one run: the documents of the verbs by name, and the run folder.
 pub(super) struct Known {
@@ -41,7 +43,7 @@ fn hold(known: &[Known]) -> Vec<Measure> {
         measure(
             known,
             "Task quantities, read by a linear probe",
-            "mean R² on trajectories the probe was not fitted on; 1 is everything",
+            &format!("mean R², {}; 1 is everything", fitting_of(known)),
             |k| probes(k, "task"),
         ),
         measure(
@@ -66,11 +68,14 @@ fn ignore(known: &[Known]) -> Vec<Measure> {
         measure(
             known,
             "Distractors, read by a linear probe",
-            "mean R² (which video: accuracy over chance); 0 is nothing",
+            &format!(
+                "mean R², {} (which video: accuracy over chance, cross-validated); 0 is nothing",
+                fitting_of(known)
+            ),
             |k| probes(k, "distractor"),
         ),
-        measure(known, "Which video is shown", "accuracy of a linear probe; chance is good", |k| {
-            number(k, "probe", "probe/video/s")
+        measure(known, "Which video is shown", "accuracy of a linear probe, cross-validated; chance is good", |k| {
+            number(k, "probe", &probe_name(k, "video")?)
         }),
     ];
     all.into_iter().flatten().collect()
@@ -82,13 +87,13 @@ fn predict(known: &[Known]) -> Vec<Measure> {
         measure(
             known,
             "Held-out dynamics gap",
-            "nats a row that a fresh adversary predicts the next latent better than the dynamics; 0 for a bisimulation",
+            "nats a row by which a critic that sees the whole history predicts the next latent better than heads refitted on (h, s, a); 0 for a bisimulation",
             of("dynamics"),
         ),
         measure(
             known,
             "Held-out reward gap",
-            "nats a row that a critic with the recurrent state predicts the reward better; 0 for a bisimulation",
+            "nats a row by which the same critic predicts the reward better than heads refitted on (h, s, a); 0 for a bisimulation",
             of("reward"),
         ),
         measure(known, "Reward log-likelihood", "nats a row, at the end of training", |k| {
@@ -130,7 +135,7 @@ fn number(known: &Known, verb: &str, name: &str) -> Option<Answer> {
     Some(Answer { number: text(number["estimate"].as_f64()?), interval: interval(number), beside: beside.join("; ") })
 }
 
-/// The mean of the linear probes of a section, and of the control's.
+/// The mean of the linear probes of a section, and of the control's, with the range of the single quantities. A mean over quantities has no interval.
 fn probes(known: &Known, section: &str) -> Option<Answer> {
     let scores = scores(known, section);
     let mean = |of: &dyn Fn(&Score) -> Option<f64>| {
@@ -138,23 +143,44 @@ fn probes(known: &Known, section: &str) -> Option<Answer> {
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     };
     let latent = mean(&|s| Some(s.latent))?;
-    let beside =
-        mean(&|s| s.actions).map_or_else(String::new, |actions| format!("past actions alone: {}", text(actions)));
+    let actions = mean(&|s| s.actions).map(|actions| format!("past actions alone: {}", text(actions)));
     let (least, most) =
         scores.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), s| (a.min(s.latent), b.max(s.latent)));
-    let interval =
-        if scores.len() > 1 { format!("single quantities {} to {}", text(least), text(most)) } else { String::new() };
-    Some(Answer { number: text(latent), interval, beside })
+    let range = (scores.len() > 1).then(|| format!("single quantities: {} to {}", text(least), text(most)));
+    let beside = actions.into_iter().chain(range).collect::<Vec<_>>().join("; ");
+    Some(Answer { number: text(latent), interval: String::new(), beside })
 }
 
 /// The task quantity that is read worst of the first run that has one, over all runs.
 fn hardest(known: &[Known]) -> Option<Measure> {
     let worst =
         known.iter().find_map(|k| scores(k, "task").into_iter().min_by(|a, b| a.latent.total_cmp(&b.latent)))?;
-    let name = format!("probe/{}/s", worst.quantity);
-    measure(known, &format!("The hardest of them: {}", worst.quantity), "R² of a linear probe", |k| {
-        number(k, "probe", &name)
+    let reading = format!("R² of a linear probe, {}", fitting_of(known));
+    measure(known, &format!("The hardest of them: {}", worst.quantity), &reading, |k| {
+        number(k, "probe", &probe_name(k, &worst.quantity)?)
     })
+}
+
+/// How the linear probe of a quantity is called in a run's document, which says what it was fitted on.
+fn probe_name(known: &Known, quantity: &str) -> Option<String> {
+    let numbers = known.documents.get("probe")?.get("numbers")?;
+    let families = [Fitting::OtherRecordings, Fitting::CrossValidation].map(|fit| probe_family(Probe::Linear, fit));
+    let mut names = families.into_iter().map(|family| format!("{family}/{quantity}/s"));
+    names.find(|name| numbers.get(name).is_some())
+}
+
+/// What the probes of numbers were fitted on, in words.
+fn fitting_of(known: &[Known]) -> &'static str {
+    let family = probe_family(Probe::Linear, Fitting::OtherRecordings);
+    let of = |k: &Known| {
+        let names = k.documents.get("probe")?.get("numbers")?.as_object()?;
+        Some(names.keys().any(|name| name.split('/').next() == Some(family)))
+    };
+    if known.iter().any(|k| of(k) == Some(true)) {
+        "fitted on other recordings"
+    } else {
+        "cross-validated over the trajectories of these latents"
+    }
 }
 
 struct Score {
@@ -168,11 +194,8 @@ fn scores(known: &Known, section: &str) -> Vec<Score> {
     let quantities = document["quantities"].as_array().into_iter().flatten();
     let of = |quantity: &Value| {
         let name = quantity["quantity"].as_str().filter(|_| quantity["section"] == section)?;
-        let number = &document["numbers"][format!("probe/{name}/s")];
-        // The video's accuracy counts from chance, as R² does.
-        let class = name == "video";
-        let chance = number["chance"].as_f64().filter(|_| class).unwrap_or(0.0);
-        let over = |value: f64| (value - chance) / (1.0 - chance).max(1e-12);
+        let number = &document["numbers"][probe_name(known, name)?];
+        let over = |value: f64| over_chance(value, number["chance"].as_f64().unwrap_or(0.0));
         let latent = over(number["estimate"].as_f64()?);
         Some(Score { quantity: name.into(), latent, actions: number["past_actions"]["estimate"].as_f64().map(over) })
     };
@@ -228,19 +251,36 @@ mod tests {
         let number = |estimate: f64| json!({ "estimate": estimate, "low": estimate - 0.1, "high": estimate + 0.1, "chance": 0.0, "past_actions": { "estimate": 0.25 } });
         let probe = json!({
             "quantities": [{ "quantity": "angle", "section": "task" }, { "quantity": "speed", "section": "task" }, { "quantity": "video", "section": "distractor" }],
-            "numbers": { "probe/angle/s": number(0.9), "probe/speed/s": number(0.5), "probe/video/s": { "estimate": 0.6, "low": 0.5, "high": 0.7, "chance": 0.5 } },
+            "numbers": { "probe/angle/s": number(0.9), "probe/speed/s": number(0.5), "probe_cross_validated/video/s": { "estimate": 0.6, "low": 0.5, "high": 0.7, "chance": 0.5 } },
         });
         let known = Known { name: "a".into(), documents: BTreeMap::from([("probe", probe)]), run: None };
         let verdict = verdict(&[known]);
         let task = &verdict.groups[0].1[0].answers[0];
         assert_eq!(
             (task.number.as_str(), task.interval.as_str(), task.beside.as_str()),
-            ("0.70", "single quantities 0.50 to 0.90", "past actions alone: 0.25")
+            ("0.70", "", "past actions alone: 0.25; single quantities: 0.50 to 0.90"),
+            "a range of quantities is no interval"
         );
         let hardest = &verdict.groups[0].1[1];
         assert!(hardest.name.contains("speed") && hardest.answers[0].interval == "0.40 to 0.60", "{hardest:?}");
         let video: Vec<&str> = verdict.groups[1].1.iter().map(|m| m.answers[0].number.as_str()).collect();
         assert_eq!(video, ["0.20", "0.60"], "over chance, and as it is");
+        let reading = |group: usize| verdict.groups[group].1[0].reading.as_str();
+        assert!([0, 1].iter().all(|&group| reading(group).contains("fitted on other recordings")), "{}", reading(0));
         assert!(verdict.groups[2].1.is_empty() && verdict.groups[3].1.is_empty());
+    }
+    #[test]
+    fn cross_validated_probes_are_called_so() {
+        let number = json!({ "estimate": 0.5, "low": 0.4, "high": 0.6, "chance": 0.0 });
+        let probe = json!({
+            "quantities": [{ "quantity": "angle", "section": "task" }],
+            "numbers": { "probe_cross_validated/angle/s": number },
+        });
+        let known = Known { name: "a".into(), documents: BTreeMap::from([("probe", probe)]), run: None };
+        let verdict = verdict(&[known]);
+        for measure in &verdict.groups[0].1 {
+            assert!(measure.answers[0].number == "0.50" && measure.reading.contains("cross-validated"), "{measure:?}");
+        }
+        assert_eq!(verdict.groups[0].1.len(), 2);
     }
 }

@@ -10,12 +10,14 @@ use polars_arrow::array::Array;
 use polars_arrow::datatypes::{ArrowSchema, Metadata};
 use polars_arrow::io::ipc::read::{FileReader, StreamReader, StreamState, read_file_metadata, read_stream_metadata};
 
+use super::lengths::check;
 use super::plain::series;
 use super::{InputError, damaged};
 
 type Names = (Vec<String>, BTreeMap<String, String>);
 
 pub(super) fn schema(path: &Path, stream: bool) -> Result<Names, InputError> {
+    check(path, stream)?;
     let mut file = open(path)?;
     let fault = |error| damaged(path, &error);
     let (schema, metadata) = if stream {

@@ -1,7 +1,7 @@
 //! NumPy arrays: an `.npz` of arrays, a structured `.npy` with fields, or a plain `[rows, dims]` array with `episode.npy` and `step.npy` beside it.
 //!
-//! `npyz` reads the headers and `zip` unpacks; the numbers are taken from the bytes, because an element may be a structure of any width. Memory is
-//! bounded by what the header says, and what a header may say by the size of the file.
+//! [`vibes_data::numpy`] reads headers and elements within limits; the numbers are taken from the elements' bytes, because an element may be a structure of any
+//! width.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -9,15 +9,15 @@ use std::io::{BufReader, Read};
 use std::path::Path;
 
 use half::f16;
-use npyz::{DType, Endianness, NpyHeader, Order, TypeChar, TypeStr};
 use polars::prelude::{ArrowDataType, PlSmallStr, Series};
 use polars_arrow::array::{FixedSizeListArray, PrimitiveArray};
 use polars_arrow::datatypes::Field;
+use vibes_data::numpy::{
+    DType, Damage, Endianness, NpyHeader, NpzFile, Order, TypeChar, TypeStr, read_npy_elements, read_npy_header,
+};
 
 use super::{InputError, column, damaged, not_a_table};
 
-/// Deflate packs nothing tighter than this, so that a longer array is a lie.
-const TIGHTEST: u64 = 1032;
 /// What a plain array's columns are called.
 const PLAIN: &str = "latent";
 /// Arrays that are looked for beside a plain one.
@@ -25,15 +25,13 @@ const BESIDE: [&str; 5] = ["episode", "step", "state", "distractor", "reward"];
 
 pub(super) fn schema(path: &Path) -> Result<(Vec<String>, BTreeMap<String, String>), InputError> {
     let names = if let Some(archive) = archive(path)? {
-        let members: Vec<String> = archive.file_names().filter_map(|name| Some(name.ok()?.into_owned())).collect();
-        let mut arrays: Vec<String> = members.iter().filter_map(|m| m.strip_suffix(".npy")).map(String::from).collect();
-        arrays.sort();
+        let arrays = archive.names();
         if arrays.is_empty() {
             return Err(not_a_table(path, "a zip file without arrays"));
         }
         arrays
     } else {
-        match header(&mut open(path)?, path)?.dtype() {
+        match read_npy_header(&mut open(path)?).map_err(damage(path, "npy"))?.dtype() {
             DType::Record(fields) => fields.into_iter().map(|field| field.name).collect(),
             _ => {
                 let beside = BESIDE.iter().filter(|name| path.with_file_name(format!("{name}.npy")).is_file());
@@ -45,18 +43,17 @@ pub(super) fn schema(path: &Path) -> Result<(Vec<String>, BTreeMap<String, Strin
 }
 
 pub(super) fn read(path: &Path, names: &[String]) -> Result<Vec<Series>, InputError> {
-    let size = std::fs::metadata(path).map_err(InputError::io(path))?.len();
     if let Some(mut archive) = archive(path)? {
         let member = |name: &String| {
-            let fault = |e: zip::result::ZipError| not_a_table(path, format!("a damaged npz file ({e})"));
-            let mut member = archive.by_name(&format!("{name}.npy")).map_err(fault)?;
-            let most = size.saturating_mul(TIGHTEST);
-            let array = Bytes::read(&mut member, most, path)?;
-            array.series(name, None, path)
+            let member = archive.array(name).map_err(damage(path, "npz"))?;
+            let member = member.ok_or_else(|| not_a_table(path, format!("an npz file without an array {name}")))?;
+            let most = member.most();
+            Bytes::read(member, most, path)?.series(name, None, path)
         };
         return names.iter().map(member).collect();
     }
-    let array = Bytes::read(&mut open(path)?, size, path)?;
+    let size = std::fs::metadata(path).map_err(InputError::io(path))?.len();
+    let array = Bytes::read(open(path)?, size, path)?;
     let structured = matches!(array.header.dtype(), DType::Record(_));
     let one = |name: &String| {
         if structured {
@@ -67,7 +64,7 @@ pub(super) fn read(path: &Path, names: &[String]) -> Result<Vec<Series>, InputEr
         }
         let beside = path.with_file_name(format!("{name}.npy"));
         let size = std::fs::metadata(&beside).map_err(InputError::io(&beside))?.len();
-        Bytes::read(&mut open(&beside)?, size, &beside)?.series(name, None, &beside)
+        Bytes::read(open(&beside)?, size, &beside)?.series(name, None, &beside)
     };
     names.iter().map(one).collect()
 }
@@ -76,19 +73,19 @@ fn open(path: &Path) -> Result<BufReader<File>, InputError> {
     File::open(path).map(BufReader::new).map_err(InputError::io(path))
 }
 
-/// The zip file, if it is one.
-fn archive(path: &Path) -> Result<Option<zip::ZipArchive<BufReader<File>>>, InputError> {
+/// The archive, if it is one.
+fn archive(path: &Path) -> Result<Option<NpzFile>, InputError> {
     let mut first = Vec::new();
     open(path)?.take(2).read_to_end(&mut first).map_err(InputError::io(path))?;
     if first != b"PK" {
         return Ok(None);
     }
-    let fault = |e: zip::result::ZipError| not_a_table(path, format!("a damaged npz file ({e})"));
-    zip::ZipArchive::new(open(path)?).map(Some).map_err(fault)
+    let file = File::open(path).map_err(InputError::io(path))?;
+    NpzFile::new(file).map(Some).map_err(damage(path, "npz"))
 }
 
-fn header(file: &mut impl Read, path: &Path) -> Result<NpyHeader, InputError> {
-    NpyHeader::from_reader(file).map_err(|e| not_a_table(path, format!("a damaged npy file ({e})")))
+fn damage(path: &Path, kind: &'static str) -> impl FnOnce(Damage) -> InputError {
+    move |damage| not_a_table(path, format!("a damaged {kind} file ({damage})"))
 }
 
 /// An array as it is stored.
@@ -105,19 +102,10 @@ struct Part {
 }
 
 impl Bytes {
-    /// Reads an array of at most `most` bytes, the header's count exactly.
-    fn read(file: &mut impl Read, most: u64, path: &Path) -> Result<Self, InputError> {
-        let header = header(file, path)?;
-        let element = header.dtype().num_bytes().filter(|&bytes| bytes > 0 && !header.uses_pickled_array());
-        let element = element.ok_or_else(|| not_a_table(path, "an array of Python objects"))?;
-        let elements = header.shape().iter().try_fold(1u64, |all, &n| all.checked_mul(n));
-        let length = elements.and_then(|n| n.checked_mul(element as u64)).filter(|&length| length <= most);
-        let length = length.ok_or_else(|| not_a_table(path, "an npy file of another length than its header says"))?;
-        let mut data = Vec::new();
-        file.take(length + 1).read_to_end(&mut data).map_err(InputError::io(path))?;
-        if data.len() as u64 != length {
-            return Err(not_a_table(path, "an npy file of another length than its header says"));
-        }
+    /// Reads an array of at most `most` bytes.
+    fn read(mut from: impl Read, most: u64, path: &Path) -> Result<Self, InputError> {
+        let header = read_npy_header(&mut from).map_err(damage(path, "npy"))?;
+        let data = read_npy_elements(&header, from, most).map_err(damage(path, "npy"))?;
         Ok(Self { header, data })
     }
 
@@ -210,7 +198,7 @@ fn part(dtype: &DType, field: Option<&str>) -> Option<Part> {
         (DType::Plain(kind), None) => Some(Part { offset: 0, kind: kind.clone(), count: 1 }),
         (DType::Array(n, inner), None) => {
             let inner = part(inner, None)?;
-            Some(Part { count: inner.count * usize::try_from(*n).ok()?, ..inner })
+            Some(Part { count: inner.count.checked_mul(usize::try_from(*n).ok()?)?, ..inner })
         }
         (DType::Record(fields), Some(name)) => {
             let mut offset = 0;

@@ -57,12 +57,12 @@ pub(super) fn forward(layer: &Layer, bytes: &[u8], planes: &Planes, output: &mut
 
 /// Bias and ReLU of one panel of channels.
 #[inline(always)]
-fn finish<V: Lanes>(layer: &Layer, panel: usize, summed: &[f32], bias: &[f32], output: &mut [f32]) {
+fn finish<V: Lanes>(proof: V::Proof, layer: &Layer, panel: usize, summed: &[f32], bias: &[f32], output: &mut [f32]) {
     let (start, stride) = (panel * PANEL, layer.output_stride());
     for part in (start..stride.min(start + PANEL)).step_by(LANES) {
-        let bias = V::at(bias, part);
+        let bias = V::at(proof, bias, part);
         for (summed, output) in summed.chunks_exact(PANEL).zip(output.chunks_exact_mut(stride)) {
-            V::at(summed, part - start).plus(bias).positive().put(output, part);
+            V::at(proof, summed, part - start).plus(bias).positive().put(output, part);
         }
     }
 }
@@ -97,13 +97,24 @@ pub(super) fn backward(
 
 /// One panel of the gradient where ReLU was open, and the bias's share.
 #[inline(always)]
-fn mask<V: Lanes>(layer: &Layer, panel: usize, [output, gradient]: [&[f32]; 2], open: &mut [f32], bias: &mut [f32]) {
+fn mask<V: Lanes>(
+    proof: V::Proof,
+    layer: &Layer,
+    panel: usize,
+    [output, gradient]: [&[f32]; 2],
+    open: &mut [f32],
+    bias: &mut [f32],
+) {
     let (start, stride) = (panel * PANEL, layer.output_stride());
     for part in (start..start + PANEL).step_by(LANES) {
-        let mut sum = V::at(bias, part);
+        let mut sum = V::at(proof, bias, part);
         let positions = output.chunks_exact(stride).zip(gradient.chunks_exact(stride));
         for (open, (output, gradient)) in open.chunks_exact_mut(PANEL).zip(positions) {
-            let value = if part < stride { V::at(gradient, part).where_open(V::at(output, part)) } else { V::zero() };
+            let value = if part < stride {
+                V::at(proof, gradient, part).where_open(V::at(proof, output, part))
+            } else {
+                V::zero(proof)
+            };
             sum = sum.plus(value);
             value.put(open, part - start);
         }

@@ -1,17 +1,18 @@
 //! The kernels against the plain Burn operations: values and gradients.
 
-use burn::tensor::{Device, Distribution, Int, Tensor};
+use burn::tensor::{Device, Int, Tensor};
 
 use super::*;
+use crate::kernels::draws::Draws;
 use crate::kernels::instructions::Instructions;
 
 fn layers(channels: &[[usize; 2]], device: &Device) -> Vec<ConvLayer> {
-    let random = |scale: f64| Distribution::Normal(0.0, scale);
+    let mut draws = Draws::new(0);
     channels
         .iter()
         .map(|[c, n]| ConvLayer {
-            weight: Tensor::random([*n, *c, 4, 4], random((2.0 / (16 * c) as f64).sqrt()), device).require_grad(),
-            bias: Tensor::random([*n], random(0.1), device).require_grad(),
+            weight: draws.normal([*n, *c, 4, 4], (2.0 / (16 * c) as f32).sqrt(), device).require_grad(),
+            bias: draws.normal([*n], 0.1, device).require_grad(),
         })
         .collect()
 }
@@ -39,7 +40,7 @@ fn assert_agree(image: [usize; 2], channels: &[[usize; 2]], count: usize, instru
     let found = operation::features_with(&pixels, &layers, instructions).expect("the custom path");
     assert!(distance(found.clone().inner(), expected.clone().inner()) < 1e-5);
 
-    let weight = Tensor::<2>::random(found.dims(), Distribution::Normal(0.0, 1.0), &device);
+    let weight: Tensor<2> = Draws::new(1).normal(found.dims(), 1.0, &device);
     let found = (found * weight.clone()).sum().backward();
     let expected = (expected * weight).sum().backward();
     for (index, layer) in layers.iter().enumerate() {

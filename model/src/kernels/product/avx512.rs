@@ -9,6 +9,7 @@ use std::arch::x86_64::{
 };
 
 use super::{PANEL, Shape};
+use crate::kernels::instructions::HasAvx512;
 
 /// As [`portable::tile`](super::portable::tile).
 ///
@@ -46,7 +47,7 @@ pub(super) fn tile<const ROW: usize, const STEP: usize>(
         right.len(),
         out.len()
     );
-    assert!(super::Instructions::Avx512.available(), "AVX-512 asked for on a processor without it");
+    let _ = HasAvx512::checked();
     // SAFETY: `left` holds the last element that `shape` reaches from row `rows − 1`, `right` holds `outer · inner` rows and
     // `out` holds `rows` rows of `PANEL`; the processor has AVX-512, as was just checked.
     unsafe { run(shape, left.as_ptr(), right.as_ptr(), out.as_mut_ptr(), add) }

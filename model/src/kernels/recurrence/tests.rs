@@ -1,13 +1,10 @@
 //! The GRU against the plain Burn operations: values and gradients.
 
-use burn::tensor::{Device, Distribution, Tensor};
+use burn::tensor::{Device, Tensor};
 
 use super::*;
+use crate::kernels::draws::Draws;
 use crate::kernels::plain;
-
-fn random<const D: usize>(shape: [usize; D], device: &Device) -> Tensor<D> {
-    Tensor::random(shape, Distribution::Normal(0.0, 0.5), device).require_grad()
-}
 
 fn assert_close<const D: usize>(found: Tensor<D>, expected: Tensor<D>) {
     let scale = expected.clone().abs().max().into_scalar::<f32>().max(1.0);
@@ -20,17 +17,18 @@ fn assert_agree([length, batch, hidden]: [usize; 3], resets: bool, instructions:
         return;
     }
     let device = Device::flex().autodiff();
-    let gates = random([length, batch, 3 * hidden], &device);
-    let weight = random([hidden, 3 * hidden], &device);
-    let bias = random([3 * hidden], &device);
-    let initial = random([batch, hidden], &device);
-    let keep = resets.then(|| Tensor::random([length, batch], Distribution::Bernoulli(0.8), &device));
+    let mut draws = Draws::new(0);
+    let gates = draws.normal([length, batch, 3 * hidden], 0.5, &device).require_grad();
+    let weight = draws.normal([hidden, 3 * hidden], 0.5, &device).require_grad();
+    let bias = draws.normal([3 * hidden], 0.5, &device).require_grad();
+    let initial = draws.normal([batch, hidden], 0.5, &device).require_grad();
+    let keep = resets.then(|| draws.ones([length, batch], 0.8, &device));
     let tensors = (gates.clone(), weight.clone(), bias.clone(), initial.clone());
     let found = operation::gru(tensors, keep.clone(), instructions).expect("the custom path");
     let expected = plain::gru(gates.clone(), weight.clone(), bias.clone(), initial.clone(), keep);
     assert_close(found.clone().inner(), expected.clone().inner());
 
-    let factor = Tensor::<3>::random(found.dims(), Distribution::Normal(0.0, 1.0), &device);
+    let factor: Tensor<3> = draws.normal(found.dims(), 1.0, &device);
     let found = (found * factor.clone()).sum().backward();
     let expected = (expected * factor).sum().backward();
     assert_close(gates.grad(&found).unwrap(), gates.grad(&expected).unwrap());
@@ -52,10 +50,9 @@ fn agrees_with_plain_operations() {
 #[test]
 fn agrees_without_autodiff() {
     let device = Device::flex();
-    let [gates, weight] =
-        [[4, 2, 30], [1, 10, 30]].map(|shape| Tensor::<3>::random(shape, Distribution::Default, &device));
-    let (weight, bias, initial) =
-        (weight.squeeze_dim(0), Tensor::zeros([30], &device), Tensor::zeros([2, 10], &device));
+    let mut draws = Draws::new(0);
+    let (gates, weight) = (draws.normal([4, 2, 30], 0.5, &device), draws.normal([10, 30], 0.5, &device));
+    let (bias, initial) = (Tensor::zeros([30], &device), Tensor::zeros([2, 10], &device));
     let found = gru(gates.clone(), weight.clone(), bias.clone(), initial.clone(), None);
     assert_close(found, plain::gru(gates, weight, bias, initial, None));
 }

@@ -171,7 +171,9 @@ fn a_guard_takes_the_disagreement_of_its_members_from_every_reward() {
     guard.members.heads = vec![guard.members.heads[0].clone(); 2];
     let without = returns(None);
     let apart = |found: &[f32], wanted: f32| {
-        without.iter().zip(found).map(|(without, found)| (without - found - wanted).abs()).fold(0.0, f32::max)
+        let apart = without.iter().zip(found).map(|(without, found)| (without - found - wanted).abs());
+        // `f32::max` would pass over a difference that is none.
+        apart.inspect(|apart| assert!(apart.is_finite(), "{apart}")).fold(0.0, f32::max)
     };
     assert!(apart(&returns(Some(guard.clone())), 0.0) < 1e-4);
     // Two heads 2 apart have a standard deviation of 1; three of them are taken from every reward, so 3 (1 + γλ + …) from every return: the last row's is 3.

@@ -102,7 +102,7 @@ impl Definition for Vibes {
         let made = value(&scene.predictions, &step.prediction, Clip::of(scene.options), Weights::of(scene));
         let after = scene.predictions.latent_log_prob(&step.prediction).sum().detach() / scene.predictions.count;
         let mut stated = made.stated;
-        stated.push(("gap", after.clone() - made.dynamics.clone().detach()));
+        stated.push(("adversary_minus_dynamics", after.clone() - made.dynamics.clone().detach()));
         stated.push(("adversary_log_likelihood", after));
         stated.push(("adversary_log_likelihood_before", step.before));
         stated.push(("adversary_gradient_norm", Tensor::from_data([step.gradient_norm], &made.dynamics.device())));

@@ -101,3 +101,14 @@ fn what_cannot_be_meant_is_refused_with_what_would_be_right() {
         assert!(error.contains(wanted), "{text}\n{error}");
     }
 }
+
+#[test]
+fn a_plan_of_more_runs_than_anyone_makes_is_refused_before_they_are_listed() {
+    let list = format!("[{}]", (0..400).map(|value| value.to_string()).collect::<Vec<_>>().join(", "));
+    let stages = "stages = [\"vibes-train offline r --lr {lr} --depth {depth} --seed {seed} -o {run}\"]\n";
+    let grid = format!("[grid]\nlr = {list}\ndepth = {list}\n");
+    for plan in [format!("output = \"o\"\n{stages}{grid}"), format!("output = \"o\"\nseeds = 9000000000\n{stages}")] {
+        let error = expanded(&plan).unwrap_err();
+        assert!(error.contains("more than 100000 runs"), "{error}");
+    }
+}

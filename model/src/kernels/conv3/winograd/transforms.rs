@@ -45,17 +45,18 @@ fn gather_back<V: Lanes>([a, b, c, d]: [V; OUTPUTS]) -> [V; FACTORS] {
 /// A square of a map from `top`, `left` on, zeros beyond its edge; `inside` says that there is none.
 #[inline(always)]
 fn square<V: Lanes, const SIDE: usize>(
+    proof: V::Proof,
     map: Map<'_>,
     [top, left]: [usize; 2],
     part: usize,
     inside: bool,
 ) -> [[V; SIDE]; SIDE] {
     let [height, width] = map.size;
-    let mut square = [[V::zero(); SIDE]; SIDE];
+    let mut square = [[V::zero(proof); SIDE]; SIDE];
     for i in 0..SIDE {
         for j in 0..SIDE {
             if inside || (top + i < height && left + j < width) {
-                square[i][j] = V::at(map.numbers, ((top + i) * width + left + j) * FILTERS + part);
+                square[i][j] = V::at(proof, map.numbers, ((top + i) * width + left + j) * FILTERS + part);
             }
         }
     }
@@ -65,7 +66,7 @@ fn square<V: Lanes, const SIDE: usize>(
 /// A column of a square.
 #[inline(always)]
 fn column<V: Lanes, const WIDTH: usize, const HEIGHT: usize>(lines: &[[V; WIDTH]; HEIGHT], j: usize) -> [V; HEIGHT] {
-    let mut column = [V::zero(); HEIGHT];
+    let mut column = [lines[0][j]; HEIGHT];
     for i in 0..HEIGHT {
         column[i] = lines[i][j];
     }
@@ -82,16 +83,16 @@ fn put<V: Lanes>(factors: &mut [f32], plane: usize, at: usize, j: usize, values:
 
 /// Factors of all tiles of a band.
 #[inline(always)]
-pub(super) fn spread_inputs<V: Lanes>(input: Map<'_>, tiles: Tiles, band: Band, factors: &mut [f32]) {
+pub(super) fn spread_inputs<V: Lanes>(proof: V::Proof, input: Map<'_>, tiles: Tiles, band: Band, factors: &mut [f32]) {
     let plane = tiles.count(band) * FILTERS;
     for tile in 0..tiles.count(band) {
         let corner = tiles.corner(band, tile);
         let inside = corner[0] + FACTORS <= input.size[0] && corner[1] + FACTORS <= input.size[1];
         for part in (0..FILTERS).step_by(LANES) {
             let mut lines = if inside {
-                square::<V, FACTORS>(input, corner, part, true)
+                square::<V, FACTORS>(proof, input, corner, part, true)
             } else {
-                square::<V, FACTORS>(input, corner, part, false)
+                square::<V, FACTORS>(proof, input, corner, part, false)
             };
             for i in 0..FACTORS {
                 lines[i] = spread(lines[i]);
@@ -105,7 +106,13 @@ pub(super) fn spread_inputs<V: Lanes>(input: Map<'_>, tiles: Tiles, band: Band, 
 
 /// Gradients of the products of all tiles of a band, from the gradient of the outputs.
 #[inline(always)]
-pub(super) fn spread_gradients<V: Lanes>(gradient: &[f32], tiles: Tiles, band: Band, products: &mut [f32]) {
+pub(super) fn spread_gradients<V: Lanes>(
+    proof: V::Proof,
+    gradient: &[f32],
+    tiles: Tiles,
+    band: Band,
+    products: &mut [f32],
+) {
     let plane = tiles.count(band) * FILTERS;
     let gradient = Map { size: tiles.output, numbers: gradient };
     for tile in 0..tiles.count(band) {
@@ -113,11 +120,11 @@ pub(super) fn spread_gradients<V: Lanes>(gradient: &[f32], tiles: Tiles, band: B
         let inside = tiles.is_whole(corner);
         for part in (0..FILTERS).step_by(LANES) {
             let outputs = if inside {
-                square::<V, OUTPUTS>(gradient, corner, part, true)
+                square::<V, OUTPUTS>(proof, gradient, corner, part, true)
             } else {
-                square::<V, OUTPUTS>(gradient, corner, part, false)
+                square::<V, OUTPUTS>(proof, gradient, corner, part, false)
             };
-            let mut lines = [[V::zero(); FACTORS]; OUTPUTS];
+            let mut lines = [[V::zero(proof); FACTORS]; OUTPUTS];
             for i in 0..OUTPUTS {
                 lines[i] = gather_back(outputs[i]);
             }
@@ -131,6 +138,7 @@ pub(super) fn spread_gradients<V: Lanes>(gradient: &[f32], tiles: Tiles, band: B
 /// Outputs of all tiles of a band from their products.
 #[inline(always)]
 pub(super) fn gather_outputs<V: Lanes>(
+    proof: V::Proof,
     products: &[f32],
     tiles: Tiles,
     band: Band,
@@ -143,11 +151,11 @@ pub(super) fn gather_outputs<V: Lanes>(
         let [top, left] = tiles.corner(band, tile);
         let whole = tiles.is_whole([top, left]);
         for part in (0..FILTERS).step_by(LANES) {
-            let mut lines = [[V::zero(); OUTPUTS]; FACTORS];
+            let mut lines = [[V::zero(proof); OUTPUTS]; FACTORS];
             for i in 0..FACTORS {
-                let mut line = [V::zero(); FACTORS];
+                let mut line = [V::zero(proof); FACTORS];
                 for j in 0..FACTORS {
-                    line[j] = V::at(products, (FACTORS * i + j) * plane + tile * FILTERS + part);
+                    line[j] = V::at(proof, products, (FACTORS * i + j) * plane + tile * FILTERS + part);
                 }
                 lines[i] = gather(line);
             }
@@ -156,7 +164,7 @@ pub(super) fn gather_outputs<V: Lanes>(
                 for i in 0..OUTPUTS {
                     if whole || (top + i < height && left + j < width) {
                         let value = match finish {
-                            Finish::Relu(bias) => values[i].plus(V::at(bias, part)).positive(),
+                            Finish::Relu(bias) => values[i].plus(V::at(proof, bias, part)).positive(),
                             Finish::Plain => values[i],
                         };
                         value.put(output, ((top + i) * width + left + j) * FILTERS + part);

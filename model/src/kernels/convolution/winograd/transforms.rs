@@ -16,7 +16,7 @@ fn spread<V: Lanes>(a: V, b: V, c: V) -> [V; 3] {
 /// Its transpose: gradients of factors to gradients of cells.
 #[inline(always)]
 fn spread_back<V: Lanes>([a, b, c]: [V; 3]) -> [V; 3] {
-    [a, b.plus(c).minus(a), V::zero().minus(c)]
+    [a, b.plus(c).minus(a), c.opposite()]
 }
 
 /// Products to outputs along one axis.
@@ -28,40 +28,41 @@ fn gather<V: Lanes>([a, b, c]: [V; 3]) -> [V; 2] {
 /// Its transpose: gradients of outputs to gradients of products.
 #[inline(always)]
 fn gather_back<V: Lanes>(a: V, b: V) -> [V; 3] {
-    [a, a.plus(b), V::zero().minus(b)]
+    [a, a.plus(b), b.opposite()]
 }
 
 /// What lies at a place, or zero beyond an edge.
 #[inline(always)]
-fn value<V: Lanes>(from: &[f32], place: Option<usize>, offset: usize) -> V {
+fn value<V: Lanes>(proof: V::Proof, from: &[f32], place: Option<usize>, offset: usize) -> V {
     match place {
-        Some(place) => V::at(from, place + offset),
-        None => V::zero(),
+        Some(place) => V::at(proof, from, place + offset),
+        None => V::zero(proof),
     }
 }
 
 /// Factors along one line of cells.
 #[inline(always)]
-fn cell_line<V: Lanes>(places: &[Option<usize>; 3], input: &[f32], offset: usize) -> [V; 3] {
+fn cell_line<V: Lanes>(proof: V::Proof, places: &[Option<usize>; 3], input: &[f32], offset: usize) -> [V; 3] {
     let [a, b, c] = *places;
-    spread(value(input, a, offset), value(input, b, offset), value(input, c, offset))
+    spread(value(proof, input, a, offset), value(proof, input, b, offset), value(proof, input, c, offset))
 }
 
 /// Line `i` of the nine products or factors of a tile.
 #[inline(always)]
-fn product_line<V: Lanes>(from: &[f32], plane: usize, i: usize, at: usize) -> [V; 3] {
-    [V::at(from, 3 * i * plane + at), V::at(from, (3 * i + 1) * plane + at), V::at(from, (3 * i + 2) * plane + at)]
+fn product_line<V: Lanes>(proof: V::Proof, from: &[f32], plane: usize, i: usize, at: usize) -> [V; 3] {
+    let product = |j: usize| V::at(proof, from, (3 * i + j) * plane + at);
+    [product(0), product(1), product(2)]
 }
 
 /// The gradient where ReLU was open.
 #[inline(always)]
-fn open<V: Lanes>(output: &[f32], gradient: &[f32], place: Option<usize>, offset: usize) -> V {
-    value::<V>(gradient, place, offset).where_open(value(output, place, offset))
+fn open<V: Lanes>(proof: V::Proof, [output, gradient]: [&[f32]; 2], place: Option<usize>, offset: usize) -> V {
+    value::<V>(proof, gradient, place, offset).where_open(value(proof, output, place, offset))
 }
 
 /// The factors of all tiles: nine matrices `[tiles, 4·channels]` in panels.
 #[inline(always)]
-pub(super) fn factors<V: Lanes>(layer: &Layer, frames: usize, input: &[f32], factors: &mut [f32]) {
+pub(super) fn factors<V: Lanes>(proof: V::Proof, layer: &Layer, frames: usize, input: &[f32], factors: &mut [f32]) {
     let tiles = frames * layer.tiles();
     let plane = layer.cell_width() * tiles;
     let places: Vec<_> = (0..layer.tiles()).map(|tile| layer.cells(tile)).collect();
@@ -70,9 +71,9 @@ pub(super) fn factors<V: Lanes>(layer: &Layer, frames: usize, input: &[f32], fac
             let row = frame * layer.tiles() + tile;
             for part in (0..layer.cell_width()).step_by(LANES) {
                 let offset = layer.cell_offset(part);
-                let top = cell_line::<V>(top, input, offset);
-                let middle = cell_line::<V>(middle, input, offset);
-                let bottom = cell_line::<V>(bottom, input, offset);
+                let top = cell_line::<V>(proof, top, input, offset);
+                let middle = cell_line::<V>(proof, middle, input, offset);
+                let bottom = cell_line::<V>(proof, bottom, input, offset);
                 let at = (part / PANEL * tiles + row) * PANEL + part % PANEL;
                 for j in 0..3 {
                     let column = spread(top[j], middle[j], bottom[j]);
@@ -86,7 +87,14 @@ pub(super) fn factors<V: Lanes>(layer: &Layer, frames: usize, input: &[f32], fac
 }
 
 #[inline(always)]
-pub(super) fn outputs<V: Lanes>(layer: &Layer, frames: usize, summed: &[f32], bias: &[f32], output: &mut [f32]) {
+pub(super) fn outputs<V: Lanes>(
+    proof: V::Proof,
+    layer: &Layer,
+    frames: usize,
+    summed: &[f32],
+    bias: &[f32],
+    output: &mut [f32],
+) {
     let tiles = frames * layer.tiles();
     let plane = tiles * layer.panelled_channels();
     let places: Vec<_> = (0..layer.tiles()).map(|tile| layer.spots(tile)).collect();
@@ -94,11 +102,11 @@ pub(super) fn outputs<V: Lanes>(layer: &Layer, frames: usize, summed: &[f32], bi
         for (tile, spots) in places.iter().enumerate() {
             let row = frame * layer.tiles() + tile;
             for part in (0..layer.output_stride()).step_by(LANES) {
-                let bias = V::at(bias, part);
+                let bias = V::at(proof, bias, part);
                 let at = (part / PANEL * tiles + row) * PANEL + part % PANEL;
-                let top = gather(product_line::<V>(summed, plane, 0, at));
-                let middle = gather(product_line::<V>(summed, plane, 1, at));
-                let bottom = gather(product_line::<V>(summed, plane, 2, at));
+                let top = gather(product_line::<V>(proof, summed, plane, 0, at));
+                let middle = gather(product_line::<V>(proof, summed, plane, 1, at));
+                let bottom = gather(product_line::<V>(proof, summed, plane, 2, at));
                 for j in 0..2 {
                     for (i, value) in gather([top[j], middle[j], bottom[j]]).into_iter().enumerate() {
                         if let Some(spot) = spots[i][j] {
@@ -114,6 +122,7 @@ pub(super) fn outputs<V: Lanes>(layer: &Layer, frames: usize, summed: &[f32], bi
 /// Gradients of the nine products; where ReLU was shut there is none. Adds the bias's.
 #[inline(always)]
 pub(super) fn output_gradients<V: Lanes>(
+    proof: V::Proof,
     layer: &Layer,
     frames: usize,
     [output, gradient]: [&[f32]; 2],
@@ -128,11 +137,11 @@ pub(super) fn output_gradients<V: Lanes>(
         for (tile, spots) in places.iter().enumerate() {
             let row = frame * layer.tiles() + tile;
             for part in (0..layer.output_stride()).step_by(LANES) {
-                let top = [open::<V>(output, gradient, spots[0][0], part), open(output, gradient, spots[0][1], part)];
-                let bottom =
-                    [open::<V>(output, gradient, spots[1][0], part), open(output, gradient, spots[1][1], part)];
+                let pair = [output, gradient];
+                let top = [open::<V>(proof, pair, spots[0][0], part), open(proof, pair, spots[0][1], part)];
+                let bottom = [open::<V>(proof, pair, spots[1][0], part), open(proof, pair, spots[1][1], part)];
                 let sum = top[0].plus(top[1]).plus(bottom[0].plus(bottom[1]));
-                V::at(bias, part).plus(sum).put(bias, part);
+                V::at(proof, bias, part).plus(sum).put(bias, part);
                 let at = (part / PANEL * tiles + row) * PANEL + part % PANEL;
                 let (top, bottom) = (gather_back(top[0], top[1]), gather_back(bottom[0], bottom[1]));
                 for j in 0..3 {
@@ -147,7 +156,13 @@ pub(super) fn output_gradients<V: Lanes>(
 
 /// Gradients of the factors to gradients of the layer's input.
 #[inline(always)]
-pub(super) fn input_gradients<V: Lanes>(layer: &Layer, frames: usize, spread: &[f32], gradient: &mut [f32]) {
+pub(super) fn input_gradients<V: Lanes>(
+    proof: V::Proof,
+    layer: &Layer,
+    frames: usize,
+    spread: &[f32],
+    gradient: &mut [f32],
+) {
     let tiles = frames * layer.tiles();
     let plane = tiles * layer.cell_width();
     let places: Vec<_> = (0..layer.tiles()).map(|tile| layer.cells(tile)).collect();
@@ -158,14 +173,14 @@ pub(super) fn input_gradients<V: Lanes>(layer: &Layer, frames: usize, spread: &[
             for part in (0..layer.cell_width()).step_by(LANES) {
                 let offset = layer.cell_offset(part);
                 let at = (part / PANEL * tiles + row) * PANEL + part % PANEL;
-                let top = spread_back(product_line::<V>(spread, plane, 0, at));
-                let middle = spread_back(product_line::<V>(spread, plane, 1, at));
-                let bottom = spread_back(product_line::<V>(spread, plane, 2, at));
+                let top = spread_back(product_line::<V>(proof, spread, plane, 0, at));
+                let middle = spread_back(product_line::<V>(proof, spread, plane, 1, at));
+                let bottom = spread_back(product_line::<V>(proof, spread, plane, 2, at));
                 for j in 0..3 {
                     let column = spread_back([top[j], middle[j], bottom[j]]);
                     for (i, value) in column.into_iter().enumerate() {
                         if let Some(cell) = cells[i][j] {
-                            V::at(gradient, cell + offset).plus(value).put(gradient, cell + offset);
+                            V::at(proof, gradient, cell + offset).plus(value).put(gradient, cell + offset);
                         }
                     }
                 }

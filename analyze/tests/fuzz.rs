@@ -1,0 +1,15 @@
+//! The readers of this program's files under seeded damage ([`damage`]).
+
+#![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
+
+#[path = "../../fuzz/readers/analyze.rs"]
+mod analyze;
+#[path = "../../fuzz/damage.rs"]
+mod damage;
+#[path = "../../fuzz/readers.rs"]
+mod readers;
+
+#[test]
+fn no_reader_panics_or_allocates_without_measure() {
+    damage::check(analyze::PART);
+}

@@ -1,0 +1,151 @@
+//! The readers of `vibes-model` and `vibes-train`: checkpoints, run folders that are gone on with, and plans of sweeps.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use vibes_data::RUN_FORMAT;
+use vibes_model::actions::ActionDistribution;
+use vibes_model::behaviour::Behaviour;
+use vibes_model::config::BehaviourConfig;
+use vibes_model::gaussian::LatentForm;
+use vibes_model::recurrent::networks::{RecurrentConfig, RecurrentNetworks};
+use vibes_model::sac::config::SacConfig;
+use vibes_model::sac::networks::SacNetworks;
+use vibes_model::trained::TrainedAgent;
+use vibes_model::values::ValueDistribution;
+use vibes_model::{Model, ModelConfig, ObservationKind, cpu};
+use vibes_train::options::Options;
+use vibes_train::run::{Run, RunInfo};
+use vibes_train::sweep::Plan;
+use vibes_train::trained::TrainedRun;
+
+use crate::readers::{Part, Reader};
+
+/// All of them.
+pub(crate) const PART: Part = Part { readers: &READERS, make };
+
+const READERS: [Reader; 6] = [
+    Reader { name: "model", file: "world/model.safetensors", read: checkpoint },
+    Reader { name: "behaviour", file: "world/behaviour.safetensors", read: checkpoint },
+    Reader { name: "sac", file: "stacks/sac.safetensors", read: checkpoint },
+    Reader { name: "recurrent", file: "recurrent/recurrent.safetensors", read: checkpoint },
+    Reader { name: "run_options", file: "trained/run.json", read: run },
+    Reader { name: "plan", file: "plan.toml", read: plan },
+];
+
+const PLAN: &str = r#"output = "runs/plan"
+seeds = 2
+stages = ["vibes-train offline a --seed {seed} --objective {objective} --{key} {value} --depth {depth} -o {run}/run"]
+
+[grid]
+objective = ["vibes", "no-adversary"]
+
+[zip]
+key = ["latent", "hidden"]
+value = [8, 16]
+
+[[list]]
+depth = 4
+"#;
+
+/// Makes the valid files.
+fn make(folder: &Path) {
+    make_checkpoints(folder);
+    let info = RunInfo {
+        format: RUN_FORMAT.into(),
+        options: Options::preset("tiny").unwrap(),
+        model: config(),
+        recordings: vec!["../recording".into()],
+        from: None,
+        episodes: 1,
+        steps: 9,
+        versions: BTreeMap::new(),
+    };
+    Run::create_or_open(&folder.join("trained"), info).unwrap();
+    fs::write(folder.join("plan.toml"), PLAN).unwrap();
+}
+
+/// Checkpoints of the three kinds of agents.
+fn make_checkpoints(folder: &Path) {
+    let (mut rng, device) = (ChaCha8Rng::seed_from_u64(0), cpu());
+    let at = |name: &str| {
+        let path = folder.join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        path
+    };
+    Model::init(config(), &mut rng, &device).unwrap().save(&at("world/model.safetensors")).unwrap();
+    let (actions, values) = (ActionDistribution::BoundedNormal, ValueDistribution::Gaussian);
+    let behaviour = BehaviourConfig { actions, values, hidden: 4 };
+    Behaviour::init(&config(), behaviour, &mut rng, &device).save(&at("world/behaviour.safetensors")).unwrap();
+    let observation = ObservationKind::Pixels { height: 15, width: 15 };
+    let model = ModelConfig { observation, adversary: false, decoder: false, ..config() };
+    let recurrent = RecurrentConfig { model, picture: [15, 15], hidden: 4 };
+    let networks = RecurrentNetworks::init(recurrent, &mut rng, &device).unwrap();
+    networks.save(&at("recurrent/recurrent.safetensors")).unwrap();
+    let networks = SacNetworks::init(stacks(), &mut rng, &device).unwrap();
+    networks.save(&at("stacks/sac.safetensors")).unwrap();
+}
+
+/// The smallest networks over stacks that have all their parts.
+fn stacks() -> SacConfig {
+    SacConfig {
+        task: "made-up".into(),
+        picture: [15, 15],
+        view: [15, 15],
+        stack: 1,
+        action_min: vec![-1.0],
+        action_max: vec![1.0],
+        feature: 2,
+        hidden: 4,
+        squash: true,
+        search: None,
+        random_share: 0.0,
+        bilinear: true,
+        transition: true,
+        sequence: 2,
+        log_std_min: -10.0,
+    }
+}
+
+/// The smallest model that has all its parts.
+fn config() -> ModelConfig {
+    ModelConfig {
+        task: "made-up".into(),
+        observation: ObservationKind::Vector { len: 3 },
+        action_min: vec![-1.0],
+        action_max: vec![1.0],
+        depth: 1,
+        hidden: 4,
+        head: 4,
+        latent: 2,
+        latent_std: 0.1,
+        prediction_floor: 0.1,
+        reward_floor: 0.1,
+        reward_scale: 1.0,
+        gru_update_bias: 0.0,
+        adversary: true,
+        decoder: true,
+        heads: Vec::new(),
+        numbers: Vec::new(),
+        latents: LatentForm::UnitNorm,
+        blind_to_actions: false,
+    }
+}
+
+/// What acts, of the checkpoint in whose folder the file lies.
+fn checkpoint(_: &Path, path: &Path) -> bool {
+    TrainedAgent::load(path.parent().unwrap(), &cpu()).is_ok()
+}
+
+/// The run in whose folder the file lies.
+fn run(_: &Path, path: &Path) -> bool {
+    TrainedRun::open(path.parent().unwrap()).is_ok()
+}
+
+/// A plan and the runs it stands for.
+fn plan(_: &Path, path: &Path) -> bool {
+    Plan::read(path).and_then(|plan| plan.expand()).is_ok()
+}

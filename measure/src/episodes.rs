@@ -1,0 +1,164 @@
+//! Episodes of one or more recordings as one set: which of them are looked at, and of which trajectories they are.
+//!
+//! Episode 3 of one recording is another than episode 3 of the next, and so are states and distractors: together they are numbered anew. Yet episodes of
+//! several recordings that took the same actions are *views* of one state trajectory, which `vibes-collect render` draws again: what is fitted on one must not
+//! be checked on the other, and an interval must not take them for two trajectories.
+//!
+//! In: the episodes with their cells, and the actions of those that are asked for. Out: the episodes that are looked at, with their numbers among all.
+
+use std::collections::BTreeMap;
+
+use crate::intervals::{Label, label};
+use crate::table::number;
+
+/// Most episodes of the recordings to fit on that probes are fitted on, unless told otherwise.
+pub const PROBE_EPISODES: usize = 100;
+
+/// An episode of one of the recordings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Episode {
+    /// The recording, numbered from 0.
+    pub recording: usize,
+    /// The episode's number in it.
+    pub index: u32,
+    /// Its cell of that recording's grid: the state and the distractor.
+    pub cell: Option<(u32, u32)>,
+}
+
+/// An episode that is looked at, by its numbers among those of all recordings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Chosen {
+    /// Its place in the list of all episodes.
+    pub place: usize,
+    /// Its number.
+    pub episode: u32,
+    /// Its state trajectory, where it lies on a grid or has views.
+    pub state: Option<u32>,
+    /// Its distractor trajectory.
+    pub distractor: Option<u32>,
+}
+
+impl Chosen {
+    /// What is drawn again for an interval.
+    #[must_use]
+    pub fn label(&self) -> Label {
+        label(self.episode, self.state.zip(self.distractor))
+    }
+}
+
+/// At most `most` of the episodes, evenly spread over the list, with their numbers among them. `actions` gives all actions of the episode at a place of the
+/// list; it is asked only where the episodes are of several recordings. Those of one recording keep their numbers.
+///
+/// # Errors
+/// What `actions` fails with.
+pub fn chosen<E>(
+    all: &[Episode],
+    most: usize,
+    mut actions: impl FnMut(usize) -> Result<Vec<f32>, E>,
+) -> Result<Vec<Chosen>, E> {
+    let every = all.len().div_ceil(most.max(1)).max(1);
+    let mut chosen: Vec<Chosen> = (0..all.len()).step_by(every).map(|place| as_recorded(all, place)).collect();
+    if chosen.iter().all(|one| all[one.place].recording == all[0].recording) {
+        return Ok(chosen);
+    }
+    number_anew(all, &mut chosen);
+    let taken = chosen.iter().map(|one| actions(one.place)).collect::<Result<Vec<_>, E>>()?;
+    for (one, state) in chosen.iter_mut().zip(views(&taken).into_iter().flatten()) {
+        (one.state, one.distractor) = (Some(state), Some(one.episode));
+    }
+    Ok(chosen)
+}
+
+fn as_recorded(all: &[Episode], place: usize) -> Chosen {
+    let Episode { index, cell, .. } = all[place];
+    let (state, distractor) = cell.unzip();
+    Chosen { place, episode: index, state, distractor }
+}
+
+/// Numbers that tell the recordings apart, in the order of the recordings and of the numbers in them.
+fn number_anew(all: &[Episode], chosen: &mut [Chosen]) {
+    let recording = |one: &Chosen| all[one.place].recording;
+    let anew = |of: &dyn Fn(&Chosen) -> Option<u32>| -> Vec<Option<u32>> {
+        // Those that have none come first and take a number or two that nobody sees.
+        let labels: Vec<_> = chosen.iter().map(|one| of(one).map(|own| (recording(one), own))).collect();
+        labels.iter().zip(number(&labels)).map(|(label, number)| label.map(|_| number)).collect()
+    };
+    let episodes = anew(&|one| Some(one.episode));
+    let (states, distractors) = (anew(&|one| one.state), anew(&|one| one.distractor));
+    for (at, one) in chosen.iter_mut().enumerate() {
+        one.episode = episodes[at].unwrap_or_default();
+        (one.state, one.distractor) = (states[at], distractors[at]);
+    }
+}
+
+/// A number for every episode, the same for those that took the same actions; nothing where all differ, or where none do, as under a policy that always does
+/// the same.
+fn views(actions: &[Vec<f32>]) -> Option<Vec<u32>> {
+    let mut numbers: BTreeMap<Vec<u32>, u32> = BTreeMap::new();
+    let mut state = |actions: &Vec<f32>| {
+        let next = numbers.len() as u32;
+        *numbers.entry(actions.iter().map(|value| value.to_bits()).collect()).or_insert(next)
+    };
+    let states: Vec<u32> = actions.iter().map(&mut state).collect();
+    (1 < numbers.len() && numbers.len() < actions.len()).then_some(states)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::convert::Infallible;
+
+    use super::*;
+    use crate::intervals::Trajectories;
+
+    fn episode(recording: usize, index: u32, cell: Option<(u32, u32)>) -> Episode {
+        Episode { recording, index, cell }
+    }
+
+    fn choose(all: &[Episode], most: usize, actions: impl Fn(Episode) -> f32) -> Vec<Chosen> {
+        let given = |place: usize| Ok::<_, Infallible>(vec![0.25, actions(all[place])]);
+        chosen(all, most, given).unwrap()
+    }
+
+    #[test]
+    fn one_recording_keeps_its_numbers_and_nobody_asks_for_its_actions() {
+        let all: Vec<Episode> = (0..10).map(|index| episode(0, 7 * index, Some((index / 5, index % 5)))).collect();
+        let refuse = |_: usize| Err("asked");
+        let some = chosen(&all, 4, refuse).unwrap();
+        assert_eq!(some.iter().map(|one| one.place).collect::<Vec<_>>(), [0, 3, 6, 9], "evenly spread");
+        assert_eq!(some[2], Chosen { place: 6, episode: 42, state: Some(1), distractor: Some(1) });
+        assert_eq!(chosen(&all, usize::MAX, refuse).unwrap().len(), 10);
+        assert!(chosen(&[], 4, refuse).unwrap().is_empty());
+    }
+
+    #[test]
+    fn views_of_one_state_trajectory_are_one() {
+        let all: Vec<Episode> = (0..3).flat_map(|view| (0..4).map(move |index| episode(view, index, None))).collect();
+        let found = choose(&all, usize::MAX, |one| one.index as f32);
+        assert_eq!(found.iter().map(|one| one.episode).collect::<Vec<_>>(), (0..12).collect::<Vec<u32>>());
+        let states: Vec<Option<u32>> = found.iter().map(|one| one.state).collect();
+        assert_eq!(states[..8], [Some(0), Some(1), Some(2), Some(3), Some(0), Some(1), Some(2), Some(3)]);
+        assert!(found.iter().all(|one| one.distractor == Some(one.episode)));
+    }
+
+    #[test]
+    fn other_actions_are_other_trajectories_and_the_same_ones_always_say_nothing() {
+        let cells = |recording, index: u32| episode(recording, index, Some((index / 2, index % 2)));
+        let all: Vec<Episode> = (0..2).flat_map(|one| (0..4).map(move |index| cells(one, index))).collect();
+        let expected: Vec<Option<u32>> = [0, 0, 1, 1, 2, 2, 3, 3].map(Some).to_vec();
+        let state = |chosen: Vec<Chosen>| chosen.iter().map(|one| one.state).collect::<Vec<_>>();
+        assert_eq!(state(choose(&all, usize::MAX, |one| (10 * one.recording) as f32 + one.index as f32)), expected);
+        assert_eq!(state(choose(&all, usize::MAX, |_| 1.0)), expected);
+        let mixed = [cells(0, 0), cells(0, 2), episode(1, u32::MAX, None)];
+        let found = choose(&mixed, usize::MAX, |one| one.index as f32);
+        assert_eq!(found[2], Chosen { place: 2, episode: 2, state: None, distractor: None });
+    }
+
+    /// Labels that number recordings in a byte take the 256th for another.
+    #[test]
+    fn three_hundred_recordings_are_told_apart() {
+        let all: Vec<Episode> = (0..300).map(|recording| episode(recording, 0, Some((0, 0)))).collect();
+        let found = choose(&all, usize::MAX, |one| one.recording as f32);
+        let labels: Vec<Label> = found.iter().map(Chosen::label).collect();
+        assert_eq!(Trajectories::new(&labels).units(), 300);
+    }
+}
