@@ -12,10 +12,7 @@ use crate::input::Frames;
 pub fn action_features(latents: &Latents, frames: &Frames) -> (usize, Vec<f32>) {
     let axes = frames.recording().manifest().spec.action_len();
     let dims = past_action_dims(axes);
-    let of = |view: &EpisodeView| {
-        let actions: Vec<f32> = (0..view.steps()).flat_map(|step| view.action(step)).copied().collect();
-        past_action_features(&actions, axes)
-    };
+    let of = |view: &EpisodeView| past_action_features(&view.actions(), axes);
     let mut episodes: BTreeMap<u32, Vec<f32>> = BTreeMap::new();
     let mut values = Vec::with_capacity(latents.len() * dims);
     for (&episode, &step) in latents.episode.iter().zip(&latents.step) {

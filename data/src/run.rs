@@ -275,10 +275,15 @@ impl Metrics {
     }
 }
 
-/// A line with today's names: older runs called the adversary's log-likelihood minus the dynamics' `gap`, which is the name of another number.
+/// What older runs called numbers of the training batches, by names that belong to numbers of a held-out grid, and what they are called now.
+const RENAMED: [(&str, &str); 2] = [("gap", "adversary_minus_dynamics"), ("effective_rank", "batch_effective_rank")];
+
+/// A line with today's names.
 fn renamed(mut line: Map<String, Value>) -> Map<String, Value> {
-    if let Some(value) = line.remove("gap") {
-        line.insert("adversary_minus_dynamics".to_owned(), value);
+    for (old, new) in RENAMED {
+        if let Some(value) = line.remove(old) {
+            line.insert(new.to_owned(), value);
+        }
     }
     line
 }
@@ -345,14 +350,15 @@ mod tests {
     fn an_older_run_has_todays_names_also_once_it_goes_on() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("metrics.jsonl");
-        std::fs::write(&path, "{\"update\":10,\"gap\":0.5}\n{\"update\":20,\"adversary_minus_dynamics\":0.25}\n")
-            .unwrap();
-        let of =
-            |metrics: &Metrics| metrics.lines.iter().map(|line| line["adversary_minus_dynamics"].as_f64()).collect();
-        let found: Vec<Option<f64>> = of(&Metrics::read(&path).unwrap());
-        assert_eq!(found, [Some(0.5), Some(0.25)]);
-        MetricsFile::open(&path, 20).unwrap();
-        assert!(!std::fs::read_to_string(&path).unwrap().contains("gap"));
+        for (old, new) in RENAMED {
+            let text = format!("{{\"update\":10,\"{old}\":0.5}}\n{{\"update\":20,\"{new}\":0.25}}\n");
+            std::fs::write(&path, text).unwrap();
+            let metrics = Metrics::read(&path).unwrap();
+            let found: Vec<Option<f64>> = metrics.lines.iter().map(|line| line[new].as_f64()).collect();
+            assert_eq!(found, [Some(0.5), Some(0.25)]);
+            MetricsFile::open(&path, 20).unwrap();
+            assert!(!std::fs::read_to_string(&path).unwrap().contains(&format!("\"{old}\"")));
+        }
     }
 
     #[test]

@@ -158,6 +158,11 @@ impl EpisodeView {
         self.actions.row(t)
     }
 
+    /// All actions, one after the other, `[T, action]`.
+    pub fn actions(&self) -> Vec<f32> {
+        (0..self.steps()).flat_map(|t| self.action(t)).copied().collect()
+    }
+
     /// The reward earned at step `t < T`.
     pub fn reward(&self, t: usize) -> f32 {
         self.rewards[t]

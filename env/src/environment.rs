@@ -40,14 +40,13 @@ impl Environment {
     pub fn new(task: &str, options: EnvironmentOptions) -> Result<Self> {
         let (loaded, action_repeat) = load(task)?;
         let actuation = if options.raw_torques { Actuation::Direct } else { loaded.actuation };
-        let name = task.to_owned();
-        let Loaded { physics, task, physics_steps, planner, scenery, .. } = loaded;
+        let Loaded { name, physics, task, physics_steps, planner, scenery, .. } = loaded;
         let action_repeat = options.action_repeat.unwrap_or(action_repeat).max(1);
         let control = vec![0.0; physics.control().len()];
         Ok(Self { name, physics, task, actuation, physics_steps, action_repeat, planner, scenery, control })
     }
 
-    /// The task's name, as it was asked for.
+    /// The task's one name.
     pub fn name(&self) -> &str {
         &self.name
     }

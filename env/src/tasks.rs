@@ -77,6 +77,8 @@ pub(crate) enum Actuation {
 /// A task with its compiled model.
 #[derive(Debug)]
 pub(crate) struct Loaded {
+    /// Its one name, also where it was asked for by another (`swimmer-swimmer6`).
+    pub name: String,
     /// The model.
     pub physics: Physics,
     /// What is wanted of it.

@@ -1,5 +1,8 @@
 //! The readers of `vibes-model` and `vibes-train`: checkpoints, run folders that are gone on with, and plans of sweeps.
 
+#[path = "../../model/tests/made_up/mod.rs"]
+mod made_up;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -10,7 +13,6 @@ use vibes_data::RUN_FORMAT;
 use vibes_model::actions::ActionDistribution;
 use vibes_model::behaviour::Behaviour;
 use vibes_model::config::BehaviourConfig;
-use vibes_model::gaussian::LatentForm;
 use vibes_model::recurrent::networks::{RecurrentConfig, RecurrentNetworks};
 use vibes_model::sac::config::SacConfig;
 use vibes_model::sac::networks::SacNetworks;
@@ -112,27 +114,9 @@ fn stacks() -> SacConfig {
 
 /// The smallest model that has all its parts.
 fn config() -> ModelConfig {
-    ModelConfig {
-        task: "made-up".into(),
-        observation: ObservationKind::Vector { len: 3 },
-        action_min: vec![-1.0],
-        action_max: vec![1.0],
-        depth: 1,
-        hidden: 4,
-        head: 4,
-        latent: 2,
-        latent_std: 0.1,
-        prediction_floor: 0.1,
-        reward_floor: 0.1,
-        reward_scale: 1.0,
-        gru_update_bias: 0.0,
-        adversary: true,
-        decoder: true,
-        heads: Vec::new(),
-        numbers: Vec::new(),
-        latents: LatentForm::UnitNorm,
-        blind_to_actions: false,
-    }
+    let (action_min, action_max) = (vec![-1.0], vec![1.0]);
+    let all = made_up::config(ObservationKind::Vector { len: 3 });
+    ModelConfig { action_min, action_max, depth: 1, hidden: 4, head: 4, latent: 2, ..all }
 }
 
 /// What acts, of the checkpoint in whose folder the file lies.

@@ -347,12 +347,7 @@ fn quantities_of(quantities: &Bound<'_, PyDict>) -> PyResult<Vec<Quantity>> {
                 return Err(refused(format!("unknown hold-out {other:?}, choose one of: state, episode, distractor")));
             }
         };
-        let values = if is_class {
-            Values::Classes(numbers.iter().map(|&number| number as u32).collect())
-        } else {
-            Values::Numbers(numbers)
-        };
-        Ok(Quantity { name: name.extract()?, values, hold_out })
+        Ok(Quantity { name: name.extract()?, values: Values::of(is_class, numbers), hold_out })
     };
     quantities.iter().map(read).collect()
 }

@@ -31,8 +31,7 @@ pub struct Row {
     /// The encoder's part of it.
     pub encoder_gradient_norm: f64,
     /// Effective rank of the latents' means in the last of these updates: exp of the entropy of their covariance's eigenvalues, 1 when they vary along
-    /// one line only. Older runs call it `effective_rank`, the name of the number of a grid.
-    #[serde(alias = "effective_rank")]
+    /// one line only.
     pub batch_effective_rank: f64,
     /// Variance of the latents' means in that update, summed over dimensions; at most 1.
     pub latent_variance: f64,
@@ -43,7 +42,7 @@ pub struct Row {
     /// Share of the time spent waiting for windows.
     pub waiting_share: f64,
     /// What the objective and the auxiliary terms state, by name: `adversary_log_likelihood` after the adversary's step and
-    /// `adversary_log_likelihood_before` it, `gap` (adversary minus dynamics), `clipped_share`, `reconstruction_log_likelihood`, `inverse_log_likelihood`, …
+    /// `adversary_log_likelihood_before` it, `adversary_minus_dynamics`, `clipped_share`, `reconstruction_log_likelihood`, `inverse_log_likelihood`, …
     #[serde(flatten)]
     pub stated: BTreeMap<String, f64>,
 }

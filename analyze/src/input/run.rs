@@ -64,7 +64,7 @@ impl Run {
             let x = row.get(*key).and_then(Value::as_f64).unwrap_or(number as f64);
             for (metric, value) in row.iter().filter(|(name, _)| !CLOCKS.contains(&name.as_str())) {
                 if let Some(value) = value.as_f64() {
-                    series.entry(present_name(metric).to_owned()).or_default().push((x, value));
+                    series.entry(metric.clone()).or_default().push((x, value));
                 }
             }
         }
@@ -155,11 +155,6 @@ impl Run {
     pub fn updates(&self) -> Option<f64> {
         (self.clock == "update").then(|| self.series.values().filter_map(|s| s.last()).map(|p| p.0).fold(0.0, f64::max))
     }
-}
-
-/// What a metric of the training batches is called now: older runs gave the rank of a batch's latents the name of a grid's.
-fn present_name(metric: &str) -> &str {
-    if metric == "effective_rank" { "batch_effective_rank" } else { metric }
 }
 
 /// Updates and what the clock showed then, for clocks that do not count updates.

@@ -40,6 +40,7 @@ fn load() -> Result<Loaded> {
         ball_z: physics.joint_qpos("ball_z")?,
     };
     Ok(Loaded {
+        name: NAME.to_owned(),
         physics,
         task: Box::new(task),
         actuation: Actuation::Direct,

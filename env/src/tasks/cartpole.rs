@@ -43,6 +43,7 @@ fn load() -> Result<Loaded> {
         pole: physics.body("pole_1")?,
     };
     Ok(Loaded {
+        name: NAME.to_owned(),
         physics,
         task: Box::new(task),
         actuation: Actuation::Direct,

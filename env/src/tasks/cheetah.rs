@@ -37,6 +37,7 @@ fn load() -> Result<Loaded> {
     let physics = Physics::from_xml(NAME, suite_xml("cheetah.xml")?)?;
     let task = Cheetah { torso_velocity: physics.sensor("torso_subtreelinvel")? };
     Ok(Loaded {
+        name: NAME.to_owned(),
         physics,
         task: Box::new(task),
         actuation: Actuation::Direct,

@@ -50,6 +50,7 @@ fn load() -> Result<Loaded> {
         constants: constants(&physics)?,
     };
     Ok(Loaded {
+        name: NAME.to_owned(),
         physics,
         task: Box::new(task),
         actuation: Actuation::Direct,

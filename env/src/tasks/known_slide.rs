@@ -51,6 +51,7 @@ pub(super) const TASK: Registered = Registered {
 /// Loads the model and the task.
 fn load() -> Result<Loaded> {
     Ok(Loaded {
+        name: KNOWN_SLIDE.to_owned(),
         physics: Physics::from_xml(KNOWN_SLIDE, XML)?,
         task: Box::new(KnownSlide),
         actuation: Actuation::Direct,

@@ -43,6 +43,7 @@ fn load() -> Result<Loaded> {
         shoulder: physics.joint_qpos("shoulder")?,
     };
     Ok(Loaded {
+        name: NAME.to_owned(),
         physics,
         task: Box::new(task),
         actuation: Actuation::Direct,

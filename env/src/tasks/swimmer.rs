@@ -45,7 +45,8 @@ fn links_of(name: &str) -> Option<usize> {
 
 /// Loads the model and the task.
 fn load(links: usize) -> Result<Loaded> {
-    let physics = Physics::from_xml(&format!("swimmer-{links}"), &xml(links)?)?;
+    let name = format!("swimmer-{links}");
+    let physics = Physics::from_xml(&name, &xml(links)?)?;
     let task = Swimmer {
         head: physics.body("head")?,
         nose: physics.geom("nose")?,
@@ -53,6 +54,7 @@ fn load(links: usize) -> Result<Loaded> {
         target_light: physics.light("target_light")?,
     };
     Ok(Loaded {
+        name,
         physics,
         task: Box::new(task),
         actuation: Actuation::Sinusoid(Sinusoid::of_swimmers()),

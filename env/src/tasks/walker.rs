@@ -38,6 +38,7 @@ fn load() -> Result<Loaded> {
     let physics = Physics::from_xml(NAME, suite_xml("walker.xml")?)?;
     let task = Walker { torso: physics.body("torso")?, torso_velocity: physics.sensor("torso_subtreelinvel")? };
     Ok(Loaded {
+        name: NAME.to_owned(),
         physics,
         task: Box::new(task),
         actuation: Actuation::Direct,

@@ -52,6 +52,16 @@ pub enum Values {
 }
 
 impl Values {
+    /// Those of classes, whose numbers are whole, or of anything else, as they are read row by row.
+    #[must_use]
+    pub fn of(is_class: bool, values: Vec<f64>) -> Self {
+        if is_class {
+            Self::Classes(values.into_iter().map(|class| class as u32).collect())
+        } else {
+            Self::Numbers(values)
+        }
+    }
+
     /// Whether they differ by more than rounding: what never changes cannot be read.
     #[must_use]
     pub fn vary(&self) -> bool {

@@ -36,7 +36,7 @@ fn states(model: &Model, rows: &Rows, latents: &Features, device: &Device) -> Fe
     let mut first = 0;
     for view in rows.views() {
         let steps = view.steps();
-        let mut actions: Vec<f32> = (0..steps).flat_map(|step| view.action(step)).copied().collect();
+        let mut actions = view.actions();
         scale::actions(&mut actions, &config.action_min, &config.action_max);
         let seen = &latents.values[first * latents.dims..(first + steps) * latents.dims];
         let tensor =

@@ -83,7 +83,7 @@ fn episodes<'a>(rows: &'a Rows, model: &Model) -> Vec<Episode<'a>> {
     let mut first = 0;
     let of = |(index, view): (usize, &'a EpisodeView)| {
         let steps = view.steps();
-        let mut actions: Vec<f32> = (0..steps).flat_map(|step| view.action(step)).copied().collect();
+        let mut actions = view.actions();
         scale::actions(&mut actions, &model.config.action_min, &model.config.action_max);
         let trajectory = view.cell().map_or((1, index as u32), |cell| (0, cell.state));
         let episode = Episode { view, first, steps, trajectory, actions };

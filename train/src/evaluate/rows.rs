@@ -87,10 +87,7 @@ impl Rows {
     /// The action-only control's features of all rows.
     pub fn past_actions(&self) -> Features {
         let axes = self.views.first().filter(|view| view.steps() > 0).map_or(0, |view| view.action(0).len());
-        let of = |view: &EpisodeView| {
-            let actions: Vec<f32> = (0..view.steps()).flat_map(|step| view.action(step)).copied().collect();
-            past_action_features(&actions, axes)
-        };
+        let of = |view: &EpisodeView| past_action_features(&view.actions(), axes);
         Features {
             name: "past_actions",
             dims: past_action_dims(axes),
@@ -134,12 +131,7 @@ impl Rows {
                 values.push(readable.value(view, row)?);
             }
         }
-        let values = if classes {
-            Values::Classes(values.into_iter().map(|class| class as u32).collect())
-        } else {
-            Values::Numbers(values)
-        };
-        Some(Quantity { name: name.to_owned(), hold_out, values })
+        Some(Quantity { name: name.to_owned(), hold_out, values: Values::of(classes, values) })
     }
 }
 
@@ -168,8 +160,7 @@ fn episodes(recordings: &[Recording]) -> Vec<Episode> {
 
 /// All actions of an episode, one after the other.
 fn actions(recordings: &[Recording], of: Episode) -> Result<Vec<f32>> {
-    let view = recordings[of.recording].episode(of.index)?;
-    Ok((0..view.steps()).flat_map(|step| view.action(step)).copied().collect())
+    Ok(recordings[of.recording].episode(of.index)?.actions())
 }
 
 /// The rows with an action.

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 
-use vibes_data::{About, Latents, Readable};
+use vibes_data::{About, EpisodeView, Latents, Readable};
 use vibes_measure::Table;
 use vibes_measure::episodes::{Chosen, Episode, chosen};
 use vibes_measure::probes::{HoldOut, Quantity, Values};
@@ -28,8 +28,7 @@ impl Opened {
 
     /// All actions of an episode, one after the other.
     fn actions(&self, episode: u32) -> Vec<f32> {
-        let view = self.frames.view(episode);
-        view.map(|view| (0..view.steps()).flat_map(|step| view.action(step)).copied().collect()).unwrap_or_default()
+        self.frames.view(episode).map(EpisodeView::actions).unwrap_or_default()
     }
 }
 
@@ -131,12 +130,7 @@ impl Rows {
                 values.push(readable.value(part.frames.view(episode)?, step as usize)?);
             }
         }
-        let values = if classes {
-            Values::Classes(values.into_iter().map(|class| class as u32).collect())
-        } else {
-            Values::Numbers(values)
-        };
-        Some(Quantity { name: name.to_owned(), hold_out, values })
+        Some(Quantity { name: name.to_owned(), hold_out, values: Values::of(classes, values) })
     }
 }
 
