@@ -8,8 +8,13 @@ use arrow::array::{ArrayRef, Float32Array, Float64Array, RecordBatch, StringArra
 use arrow::datatypes::{Field, Schema};
 use arrow::error::ArrowError;
 use arrow::ipc::writer::FileWriter;
-use polars::prelude::{DataFrame, PolarsError};
+use parquet::arrow::ArrowWriter;
+use parquet::basic::{Compression, ZstdLevel};
+use parquet::errors::ParquetError;
+use parquet::file::properties::WriterProperties;
+use polars::prelude::DataFrame;
 use polars_io::SerWriter;
+use polars_io::csv::write::CsvWriter;
 
 /// A column's values.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,11 +49,7 @@ pub fn write_table(
     columns: &[(&str, Column)],
     metadata: &[(&str, String)],
 ) -> Result<(), vibes_data::Error> {
-    let bytes = encode(columns, metadata).map_err(|error| vibes_data::Error::Malformed {
-        fact: error.to_string(),
-        expected: "columns of one length".into(),
-        path: path.into(),
-    })?;
+    let bytes = encode(columns, metadata).map_err(|error| uneven(path, &error))?;
     vibes_data::write_atomically(path, &bytes)
 }
 
@@ -71,9 +72,16 @@ fn encode(columns: &[(&str, Column)], metadata: &[(&str, String)]) -> Result<Vec
 /// # Errors
 /// [`vibes_data::Error`]: the file cannot be written, or the columns differ in length.
 pub fn write_csv(path: &Path, columns: &[(&str, Column)]) -> Result<(), vibes_data::Error> {
-    let write =
-        |mut frame: DataFrame, bytes: &mut Vec<u8>| polars_io::csv::write::CsvWriter::new(bytes).finish(&mut frame);
-    write_frame(path, columns, write)
+    let column = |(name, column): &(&str, Column)| match column {
+        Column::UInt32(values) => polars::prelude::Column::new((*name).into(), values),
+        Column::Float32(values) => polars::prelude::Column::new((*name).into(), values),
+        Column::Float64(values) => polars::prelude::Column::new((*name).into(), known(values)),
+        Column::Text(values) => polars::prelude::Column::new((*name).into(), values),
+    };
+    let mut bytes = Vec::new();
+    let frame = DataFrame::new_infer_height(columns.iter().map(column).collect());
+    frame.and_then(|mut frame| CsvWriter::new(&mut bytes).finish(&mut frame)).map_err(|error| uneven(path, &error))?;
+    vibes_data::write_atomically(path, &bytes)
 }
 
 /// Writes columns of one length as Parquet; NaN becomes null.
@@ -81,32 +89,27 @@ pub fn write_csv(path: &Path, columns: &[(&str, Column)]) -> Result<(), vibes_da
 /// # Errors
 /// As [`write_csv`].
 pub fn write_parquet(path: &Path, columns: &[(&str, Column)]) -> Result<(), vibes_data::Error> {
-    let write = |mut frame: DataFrame, bytes: &mut Vec<u8>| {
-        polars_io::parquet::write::ParquetWriter::new(bytes).finish(&mut frame).map(|_| ())
+    let array = |(name, column): &(&str, Column)| match column {
+        Column::Float64(values) => ((*name).to_string(), Arc::new(Float64Array::from(known(values))) as ArrayRef),
+        others => ((*name).to_string(), others.array()),
     };
-    write_frame(path, columns, write)
+    let properties = WriterProperties::builder().set_compression(Compression::ZSTD(ZstdLevel::default())).build();
+    let write = || {
+        let table = RecordBatch::try_from_iter(columns.iter().map(array))?;
+        let mut writer = ArrowWriter::try_new(Vec::new(), table.schema(), Some(properties))?;
+        writer.write(&table)?;
+        writer.into_inner()
+    };
+    let bytes = write().map_err(|error: ParquetError| uneven(path, &error))?;
+    vibes_data::write_atomically(path, &bytes)
 }
 
-fn write_frame(
-    path: &Path,
-    columns: &[(&str, Column)],
-    write: impl FnOnce(DataFrame, &mut Vec<u8>) -> Result<(), PolarsError>,
-) -> Result<(), vibes_data::Error> {
-    let column = |(name, column): &(&str, Column)| match column {
-        Column::UInt32(values) => polars::prelude::Column::new((*name).into(), values),
-        Column::Float32(values) => polars::prelude::Column::new((*name).into(), values),
-        Column::Float64(values) => {
-            let known: Vec<Option<f64>> = values.iter().map(|v| Some(*v).filter(|v| !v.is_nan())).collect();
-            polars::prelude::Column::new((*name).into(), known)
-        }
-        Column::Text(values) => polars::prelude::Column::new((*name).into(), values),
-    };
-    let mut bytes = Vec::new();
-    let frame = DataFrame::new_infer_height(columns.iter().map(column).collect());
-    frame.and_then(|frame| write(frame, &mut bytes)).map_err(|error| vibes_data::Error::Malformed {
-        fact: error.to_string(),
-        expected: "columns of one length".into(),
-        path: path.into(),
-    })?;
-    vibes_data::write_atomically(path, &bytes)
+/// Numbers, none where they are NaN.
+fn known(values: &[f64]) -> Vec<Option<f64>> {
+    values.iter().map(|v| Some(*v).filter(|v| !v.is_nan())).collect()
+}
+
+fn uneven(path: &Path, error: &impl ToString) -> vibes_data::Error {
+    let expected = "columns of one length".into();
+    vibes_data::Error::Malformed { fact: error.to_string(), expected, path: path.into() }
 }

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Cursor, Read, Seek};
 use std::path::Path;
 
-use polars::prelude::Series;
+use polars::prelude::{PolarsResult, Series};
 use polars_arrow::array::Array;
 use polars_arrow::datatypes::{ArrowSchema, Metadata};
 use polars_arrow::io::ipc::read::{FileReader, StreamReader, StreamState, read_file_metadata, read_stream_metadata};
@@ -50,13 +50,8 @@ pub(super) fn read(path: &Path, stream: bool, names: &[String]) -> Result<Vec<Se
     if stream {
         let metadata = read_stream_metadata(&mut file).map_err(fault)?;
         let (projection, order) = projection(&metadata.schema, names);
-        for state in StreamReader::new(file, metadata, Some(projection)) {
-            match state.map_err(fault)? {
-                StreamState::Some(batch) => take(&order, batch.arrays()),
-                // The file ends without a mark of the stream's end, as it may. The reader would wait for more of it for ever.
-                StreamState::Waiting => break,
-            }
-        }
+        stream_batches(StreamReader::new(file, metadata, Some(projection)), |arrays| take(&order, arrays))
+            .map_err(fault)?;
     } else {
         let metadata = read_file_metadata(&mut file).map_err(fault)?;
         let (projection, order) = projection(&metadata.schema, names);
@@ -65,6 +60,29 @@ pub(super) fn read(path: &Path, stream: bool, names: &[String]) -> Result<Vec<Se
         }
     }
     names.iter().zip(chunks).map(|(name, chunks)| series(path, name, chunks)).collect()
+}
+
+/// The arrays of the only column of a stream in memory.
+pub(super) fn only_column(path: &Path, stream: &[u8]) -> Result<Vec<Box<dyn Array>>, InputError> {
+    let fault = |error| damaged(path, &error);
+    let mut stream = Cursor::new(stream);
+    let metadata = read_stream_metadata(&mut stream).map_err(fault)?;
+    let mut chunks = Vec::new();
+    let take = |arrays: &[Box<dyn Array>]| chunks.extend(arrays.iter().cloned());
+    stream_batches(StreamReader::new(stream, metadata, None), take).map_err(fault)?;
+    Ok(chunks)
+}
+
+/// Hands on the columns of batch after batch.
+fn stream_batches(stream: StreamReader<impl Read + Seek>, mut take: impl FnMut(&[Box<dyn Array>])) -> PolarsResult<()> {
+    for state in stream {
+        match state? {
+            StreamState::Some(batch) => take(batch.arrays()),
+            // The file ends without a mark of the stream's end, as it may. The reader would wait for more of it for ever.
+            StreamState::Waiting => break,
+        }
+    }
+    Ok(())
 }
 
 /// The columns' places in the file, rising, and for each which of the names it is.

@@ -1,81 +1,88 @@
 //! Parquet files, with any of the compressions that pandas, polars, `DuckDB` and Spark write.
+//!
+//! In: a path and the names of columns. Out: those columns, one after the other, so that memory holds one of them twice at most. The `parquet` crate
+//! reads in small batches; what a file says about lengths is held beside the file first ([`footer`], [`pages`]), since room for more than there is
+//! ends the process. The batches go on to polars as an Arrow stream in memory.
+
+mod footer;
+mod pages;
+#[cfg(test)]
+mod tests;
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use polars::prelude::{ArrowDataType, Series};
+use ::arrow::array::RecordBatch;
+use ::arrow::datatypes::{Schema, SchemaRef};
+use ::arrow::error::ArrowError;
+use ::arrow::ipc::writer::StreamWriter;
+use ::parquet::arrow::ProjectionMask;
+use ::parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
+use ::parquet::errors::ParquetError;
+use polars::prelude::Series;
 use polars_arrow::array::Array;
-use polars_arrow::datatypes::Field;
-use polars_buffer::Buffer;
-use polars_parquet::read::{
-    BasicDecompressor, ColumnChunkMetadata, PageReader, column_iter_to_arrays, infer_schema, read_metadata,
-};
 
 use super::plain::series;
-use super::{InputError, damaged, not_a_table};
+use super::{InputError, arrow, not_a_table};
+
+/// Rows that are decoded at a time.
+const BATCH: usize = 8192;
 
 pub(super) fn schema(path: &Path) -> Result<(Vec<String>, BTreeMap<String, String>), InputError> {
-    let metadata = read_metadata(&mut open(path)?).map_err(|error| damaged(path, &error))?;
-    let schema = infer_schema(&metadata).map_err(|error| damaged(path, &error))?;
-    let texts = metadata.key_value_metadata.iter().flatten();
-    let texts = texts.filter_map(|pair| Some((pair.key.to_string(), pair.value.as_ref()?.to_string())));
-    Ok((schema.iter_names().map(|name| name.to_string()).collect(), texts.collect()))
-}
-
-fn open(path: &Path) -> Result<BufReader<File>, InputError> {
-    File::open(path).map(BufReader::new).map_err(InputError::io(path))
+    let (_, metadata) = open(path)?;
+    let names = metadata.schema().fields().iter().map(|field| field.name().clone());
+    let texts = metadata.metadata().file_metadata().key_value_metadata().into_iter().flatten();
+    let texts = texts.filter_map(|pair| Some((pair.key.clone(), pair.value.clone()?)));
+    Ok((names.collect(), texts.collect()))
 }
 
 pub(super) fn read(path: &Path, names: &[String]) -> Result<Vec<Series>, InputError> {
-    let mut file = open(path)?;
-    let metadata = read_metadata(&mut file).map_err(|error| damaged(path, &error))?;
-    let schema = infer_schema(&metadata).map_err(|error| damaged(path, &error))?;
-    let column = |name: &String| {
-        let Some(field) = schema.get(name.as_str()) else { return Err(not_a_table(path, format!("no column {name}"))) };
-        let field = without_dictionary(field.clone());
-        let mut chunks: Vec<Box<dyn Array>> = Vec::new();
-        for group in &metadata.row_groups {
-            let parts = group.columns_under_root_iter(name).into_iter().flatten();
-            let parts =
-                parts.map(|part| Ok((part, bytes(&mut file, part, path)?))).collect::<Result<Vec<_>, InputError>>()?;
-            chunks.extend(arrays(parts, field.clone()).map_err(|error| damaged(path, &error))?);
-        }
-        series(path, name, chunks)
+    let (file, metadata) = open(path)?;
+    names.iter().map(|name| column(path, &file, &metadata, name)).collect()
+}
+
+/// The file and what it holds, as Parquet itself has types: a dictionary of Arrow's is a way to store values, and what is asked for are the values.
+fn open(path: &Path) -> Result<(File, ArrowReaderMetadata), InputError> {
+    let mut file = File::open(path).map_err(InputError::io(path))?;
+    footer::check(&mut file).ok_or_else(|| not_a_table(path, "a truncated or damaged Parquet file"))?;
+    let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
+    let metadata = ArrowReaderMetadata::load(&file, options).map_err(|error| damaged(path, &error))?;
+    Ok((file, metadata))
+}
+
+fn damaged(path: &Path, error: &ParquetError) -> InputError {
+    not_a_table(path, format!("a damaged or unsuitable file ({error})"))
+}
+
+fn column(path: &Path, file: &File, metadata: &ArrowReaderMetadata, name: &str) -> Result<Series, InputError> {
+    let fault = |error| damaged(path, &error);
+    let Some((place, field)) = metadata.schema().fields().find(name) else {
+        return Err(not_a_table(path, format!("no column {name}")));
     };
-    names.iter().map(column).collect()
+    let schema = SchemaRef::new(Schema::new(vec![field.clone()]));
+    // A type without use is refused before a value of it is read.
+    let empty = RecordBatch::new_empty(SchemaRef::clone(&schema));
+    let _ = series(path, name, arrays(path, &schema, [Ok(empty)])?)?;
+    let again = || file.try_clone().map_err(InputError::io(path));
+    pages::check(&again()?.into(), metadata.metadata(), place).map_err(fault)?;
+    let one = ProjectionMask::roots(metadata.parquet_schema(), [place]);
+    let batches = ParquetRecordBatchReaderBuilder::new_with_metadata(again()?, metadata.clone());
+    let batches = batches.with_projection(one).with_batch_size(BATCH).build().map_err(fault)?;
+    series(path, name, arrays(path, &schema, batches)?)
 }
 
-/// A dictionary is a way to store values; what is asked for are the values.
-fn without_dictionary(mut field: Field) -> Field {
-    if let ArrowDataType::Dictionary(_, values, _) = field.dtype {
-        field.dtype = *values;
-    }
-    field
-}
-
-/// The bytes of one column of one row group.
-fn bytes(file: &mut (impl Read + Seek), part: &ColumnChunkMetadata, path: &Path) -> Result<Buffer<u8>, InputError> {
-    let range = part.byte_range();
-    let mut bytes = Vec::new();
-    file.seek(SeekFrom::Start(range.start)).map_err(InputError::io(path))?;
-    let length = range.end.saturating_sub(range.start);
-    file.by_ref().take(length).read_to_end(&mut bytes).map_err(InputError::io(path))?;
-    if bytes.len() as u64 != length {
-        return Err(not_a_table(path, "a truncated Parquet file"));
-    }
-    Ok(Buffer::from_vec(bytes))
-}
-
+/// The only column of some batches as polars has arrays.
 fn arrays(
-    parts: Vec<(&ColumnChunkMetadata, Buffer<u8>)>,
-    field: Field,
-) -> Result<Vec<Box<dyn Array>>, polars::prelude::PolarsError> {
-    let pages = parts.into_iter().map(|(part, bytes)| {
-        let pages = PageReader::new(Cursor::new(bytes), part, vec![], usize::MAX);
-        (BasicDecompressor::new(pages, vec![]), &part.descriptor().descriptor.primitive_type)
-    });
-    let (pages, types): (Vec<_>, Vec<_>) = pages.unzip();
-    Ok(column_iter_to_arrays(pages, types, field, None)?.0)
+    path: &Path,
+    schema: &Schema,
+    batches: impl IntoIterator<Item = Result<RecordBatch, ArrowError>>,
+) -> Result<Vec<Box<dyn Array>>, InputError> {
+    let written = || {
+        let mut writer = StreamWriter::try_new(Vec::new(), schema)?;
+        batches.into_iter().try_for_each(|batch| writer.write(&batch?))?;
+        writer.into_inner()
+    };
+    let bytes = written().map_err(|error: ArrowError| damaged(path, &error.into()))?;
+    arrow::only_column(path, &bytes)
 }
