@@ -83,6 +83,14 @@ pub enum Go {
     Stop,
 }
 
+impl Go {
+    /// Stops where either says so.
+    #[must_use]
+    pub fn or(self, other: Self) -> Self {
+        if self == Self::Stop { self } else { other }
+    }
+}
+
 /// Why training ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum End {

@@ -15,47 +15,45 @@
 //! updates that the episode before has paid for; then the episode is admitted. So every number is decided by the options and the seed, however
 //! fast either thread was, and a run that was stopped at any moment goes on from its last checkpoint to the same bytes.
 
-use std::collections::HashMap;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use burn::tensor::Device;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use serde::{Deserialize, Serialize};
 use vibes_data::Recording;
 use vibes_env::videos::VideoSet;
 use vibes_model::actions::Choice;
 use vibes_model::agent::Agent;
 use vibes_model::behaviour::Behaviour;
-use vibes_model::checkpoint::{load_tensors, save_tensors};
-use vibes_model::guard::Guard;
 use vibes_model::player::Player;
-use vibes_model::returns::ReturnScale;
 use vibes_model::trained::TrainedAgent;
 
-use crate::error::{Result, TrainError, io, malformed};
+use crate::error::{Result, TrainError};
 use crate::fit::{End, Go};
-use crate::json::write_json;
 use crate::learners::behaviour::foresight::{Foresight, foresight};
-use crate::learners::behaviour::{BehaviourLearner, BehaviourMeasures, Replayed};
+use crate::learners::behaviour::{BehaviourLearner, Replayed};
 use crate::learners::world::Learner;
-use crate::metrics::Row;
 use crate::replay::{Replay, ReplayOptions};
-use crate::run::{Run, State};
+use crate::run::Run;
 use crate::session::{Session, first_learner, out_of_time};
 use crate::windows::{Prefetch, Purpose, update_rng};
 
 pub mod actor;
+mod checkpoint;
 pub mod evaluate;
+mod line;
 pub mod model_free;
 pub mod options;
 pub mod prepare;
 pub mod protocol;
 pub mod world;
 
-use actor::{ActorThread, EpisodeKind, Lived, Living, Task, episode_seed};
+use actor::{ActorThread, EpisodeKind, Living, Task, episode_seed};
+pub use checkpoint::OnlineState;
+use checkpoint::{Resumed, resume, save_behaviour};
 use evaluate::Evaluation;
+pub use line::Line;
+use line::{Round, Time};
 use options::OnlineOptions;
 
 /// Windows that set the first scales of a new model.
@@ -91,92 +89,6 @@ pub enum Event<'a> {
         /// Updates made.
         update: u64,
     },
-}
-
-/// Where online training stands, beside the world model's own state: saved with every checkpoint.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct OnlineState {
-    /// Episodes admitted, random ones included.
-    pub episodes: u32,
-    /// Control steps of them.
-    pub control_steps: u64,
-    /// Agent steps of them.
-    pub agent_steps: u64,
-    /// Updates paid for and not made yet; a fraction remains from round to round.
-    pub credit: f64,
-    /// Updates of actor and critic.
-    pub updates: u64,
-    /// Control steps at which the next evaluation is due.
-    pub next_evaluation: u64,
-    /// Adam's steps of the actor.
-    pub actor_steps: u64,
-    /// Adam's steps of the critic.
-    pub critic_steps: u64,
-    /// Adam's steps of the guard; 0 without one.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub guard_steps: u64,
-    /// What returns are divided by.
-    pub scale: ReturnScale,
-    /// Whether the last evaluation has been made.
-    pub is_finished: bool,
-}
-
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
-fn is_zero(steps: &u64) -> bool {
-    *steps == 0
-}
-
-/// A line of `metrics.jsonl`: the world model's numbers, and those of a round.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Line {
-    /// Control steps lived through, action repeats counted.
-    pub control_steps: u64,
-    /// Agent steps lived through.
-    pub agent_steps: u64,
-    /// Episodes admitted.
-    pub episodes: u32,
-    /// Return of the episode admitted at the end of the round, exploration included; none for the updates before the first episode.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub training_return: Option<f64>,
-    /// The world model.
-    #[serde(flatten)]
-    pub world: Row,
-    /// Mean λ-return that was imagined.
-    pub imagined_return: f64,
-    /// Mean value of where imagination started.
-    pub value: f64,
-    /// That value over what rewards of 1 a control step for ever are worth: above 1 something is wrong.
-    pub value_over_bound: f64,
-    /// What returns are divided by.
-    pub return_scale: f64,
-    /// Entropy of the actor, nats.
-    pub entropy: f64,
-    /// Mean disagreement of the guard's members over imagined rows, in units of reward.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub disagreement: Option<f64>,
-    /// The same over recorded rows, of which half the members have seen each.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub recorded_disagreement: Option<f64>,
-    /// Loss of the critic.
-    pub critic_loss: f64,
-    /// Norm of the actor's gradient.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub actor_gradient_norm: Option<f64>,
-    /// Norm of the critic's gradient.
-    pub critic_gradient_norm: f64,
-    /// Imagined reward of a step along recorded actions.
-    pub foreseen_reward: f64,
-    /// Recorded reward of the same steps.
-    pub recorded_reward: f64,
-    /// Correlation of the two over windows.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub foresight: Option<f64>,
-    /// Control steps a second, end to end.
-    pub control_steps_per_second: f64,
-    /// Share of the round that the learner waited for the actor's thread.
-    pub waiting_for_actor_share: f64,
-    /// Share of the round that the actor's thread was at work.
-    pub acting_share: f64,
 }
 
 /// What an online run is made from.
@@ -233,6 +145,9 @@ fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'
     })
 }
 
+/// The learner of the world model, and that of actor and critic: an update takes them and gives them back.
+type Learners = (Learner, BehaviourLearner);
+
 struct Training<'a> {
     setup: &'a Setup<'a>,
     acting: ActorThread,
@@ -241,13 +156,6 @@ struct Training<'a> {
     replay: Replay,
     /// When the last checkpoint was saved.
     saved: Instant,
-}
-
-/// Sums over the updates of a round.
-#[derive(Default)]
-struct Round {
-    measures: Vec<BehaviourMeasures>,
-    foresight: Option<Foresight>,
 }
 
 impl Training<'_> {
@@ -260,7 +168,7 @@ impl Training<'_> {
     }
 
     /// The random episodes, and the learners before their first update; none if the listener stopped it.
-    fn begin(&mut self, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Option<(Learner, BehaviourLearner)>> {
+    fn begin(&mut self, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Option<Learners>> {
         let Setup { run, options, device, .. } = *self.setup;
         while self.state.episodes < options.prefill || self.replay.is_empty() {
             let lived = self.acting.live(self.training_task(None, "random".to_owned()))?;
@@ -281,70 +189,88 @@ impl Training<'_> {
         Ok(Some((learner, BehaviourLearner::new(behaviour, device).guarded(guard))))
     }
 
-    fn run(
-        &mut self,
-        (mut learner, mut behaviour): (Learner, BehaviourLearner),
-        listen: &mut dyn FnMut(Event<'_>) -> Go,
-    ) -> Result<End> {
-        let options = self.setup.options;
-        if !self.is_last() && self.evaluate(&learner, &behaviour, listen)? == Go::Stop {
+    fn run(&mut self, mut learners: Learners, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
+        if !self.is_last() && self.evaluate(&learners, listen)? == Go::Stop {
             return Ok(End::Stopped);
         }
-        while self.state.updates < options.first_updates {
-            let until = (self.state.updates / FIRST_UPDATES_BETWEEN_SAVES + 1) * FIRST_UPDATES_BETWEEN_SAVES;
-            let count = until.min(options.first_updates) - self.state.updates;
-            let (learners, round, go) = self.updates(learner, behaviour, count, listen)?;
-            (learner, behaviour) = learners;
-            let line = self.line(&round, None, 1.0, 0.0);
-            self.session.log(&line)?;
-            let go = [go, listen(Event::Metrics(&line))];
-            self.save(&learner, &behaviour, listen)?;
-            if go.contains(&Go::Stop) {
+        while self.state.updates < self.setup.options.first_updates {
+            let (next, go) = self.first_updates(learners, listen)?;
+            learners = next;
+            if go == Go::Stop {
                 return Ok(End::Stopped);
             }
         }
         loop {
-            let go = self.evaluate(&learner, &behaviour, listen)?;
+            let go = self.evaluate(&learners, listen)?;
             if self.state.is_finished || go == Go::Stop {
-                self.save(&learner, &behaviour, listen)?;
-                return Ok(match self.state.is_finished {
-                    true if self.state.control_steps >= options.control_steps => End::Updates,
-                    true => End::Minutes,
-                    false => End::Stopped,
-                });
+                self.save(&learners, listen)?;
+                return Ok(self.end());
             }
-            let begun = Instant::now();
-            let agent = Agent::new(&learner.model, &behaviour.behaviour.actor, self.setup.device);
-            let agent = TrainedAgent::World(Box::new(agent));
-            let policy = format!("online:update={}", self.session.state.update);
-            self.acting.begin(self.training_task(Some(agent), policy))?;
-            let due = self.state.credit.floor();
-            self.state.credit -= due;
-            let (learners, round, go) = self.updates(learner, behaviour, due as u64, listen)?;
-            (learner, behaviour) = learners;
-            let waiting = Instant::now();
-            let lived = self.acting.outcome()?;
-            let waited = waiting.elapsed().as_secs_f64();
-            self.admit(lived.steps)?;
-            let model = &self.setup.run.info().options;
-            self.state.credit += f64::from(lived.steps) * options.updates_per_step(model.length * model.batch);
-            let seconds = begun.elapsed().as_secs_f64();
-            self.session.state.seconds += waited;
-            let control_steps = self.state.control_steps;
-            let mut go = [go, listen(Event::Lived { control_steps, episode_return: lived.episode_return })];
-            if !round.measures.is_empty() {
-                let line = self.line(&round, Some(lived), seconds, waited);
-                self.session.log(&line)?;
-                go[0] = listen(Event::Metrics(&line));
-            }
-            let is_stopped = go.contains(&Go::Stop);
-            if self.session.is_save_due() || self.saved.elapsed() > BETWEEN_SAVES || is_stopped {
-                self.save(&learner, &behaviour, listen)?;
-            }
-            if is_stopped {
+            let (next, go) = self.round(learners, listen)?;
+            learners = next;
+            if go == Go::Stop {
                 return Ok(End::Stopped);
             }
         }
+    }
+
+    fn end(&self) -> End {
+        match self.state.is_finished {
+            true if self.state.control_steps >= self.setup.options.control_steps => End::Updates,
+            true => End::Minutes,
+            false => End::Stopped,
+        }
+    }
+
+    /// Some of the updates before the first episode with the actor.
+    fn first_updates(&mut self, learners: Learners, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<(Learners, Go)> {
+        let until = (self.state.updates / FIRST_UPDATES_BETWEEN_SAVES + 1) * FIRST_UPDATES_BETWEEN_SAVES;
+        let count = until.min(self.setup.options.first_updates) - self.state.updates;
+        let (learners, round, go) = self.updates(learners, count, listen)?;
+        let line = self.line(&round, Time::NONE);
+        self.session.log(&line)?;
+        let go = go.or(listen(Event::Metrics(&line)));
+        self.save(&learners, listen)?;
+        Ok((learners, go))
+    }
+
+    /// An episode, and meanwhile the updates that the episodes before have paid for.
+    fn round(&mut self, learners: Learners, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<(Learners, Go)> {
+        let begun = Instant::now();
+        let agent = self.agent(&learners);
+        let policy = format!("online:update={}", self.session.state.update);
+        self.acting.begin(self.training_task(Some(agent), policy))?;
+        let due = self.state.credit.floor();
+        self.state.credit -= due;
+        let (learners, round, mut go) = self.updates(learners, due as u64, listen)?;
+        let waiting = Instant::now();
+        let lived = self.acting.outcome()?;
+        let waited = waiting.elapsed().as_secs_f64();
+        self.admit(lived.steps)?;
+        let model = &self.setup.run.info().options;
+        self.state.credit += f64::from(lived.steps) * self.setup.options.updates_per_step(model.length * model.batch);
+        let seconds = begun.elapsed().as_secs_f64();
+        self.session.state.seconds += waited;
+        let control_steps = self.state.control_steps;
+        go = go.or(listen(Event::Lived { control_steps, episode_return: lived.episode_return }));
+        if !round.measures.is_empty() {
+            let line = self.line(&round, Time { lived: Some(lived), seconds, waited });
+            self.session.log(&line)?;
+            go = go.or(listen(Event::Metrics(&line)));
+        }
+        if self.session.is_save_due() || self.saved.elapsed() > BETWEEN_SAVES || go == Go::Stop {
+            self.save(&learners, listen)?;
+        }
+        Ok((learners, go))
+    }
+
+    fn line(&mut self, round: &Round, time: Time) -> Line {
+        round.line(self.session.take_row(), &self.state, self.setup.options, time)
+    }
+
+    /// The actor with the weights of this moment.
+    fn agent(&self, (learner, behaviour): &Learners) -> TrainedAgent {
+        TrainedAgent::World(Box::new(Agent::new(&learner.model, &behaviour.behaviour.actor, self.setup.device)))
     }
 
     /// Whether what comes next is the last evaluation: the control steps are lived through, or the minutes are up.
@@ -372,14 +298,12 @@ impl Training<'_> {
     }
 
     /// Makes so many updates of world model, actor and critic on what has been admitted.
-    #[allow(clippy::type_complexity, reason = "the learners go in and come out")]
     fn updates(
         &mut self,
-        mut learner: Learner,
-        mut behaviour: BehaviourLearner,
+        (mut learner, mut behaviour): Learners,
         count: u64,
         listen: &mut dyn FnMut(Event<'_>) -> Go,
-    ) -> Result<((Learner, BehaviourLearner), Round, Go)> {
+    ) -> Result<(Learners, Round, Go)> {
         let Setup { run, options, device, .. } = *self.setup;
         let (seed, first) = (run.info().options.seed, self.session.state.update);
         let (mut round, mut go) = (Round::default(), Go::On);
@@ -404,70 +328,21 @@ impl Training<'_> {
                     round.foresight = Some(look_ahead(&learner, &rows, run, number, device));
                 }
                 session.state.seconds += begun.elapsed().as_secs_f64();
-                if listen(Event::Update) == Go::Stop {
-                    go = Go::Stop;
-                }
+                go = go.or(listen(Event::Update));
             }
             Ok(((learner, behaviour), round, go))
         })
     }
 
-    fn line(&mut self, round: &Round, lived: Option<Lived>, seconds: f64, waited: f64) -> Line {
-        let options = self.setup.options;
-        let count = round.measures.len() as f64;
-        let mean = |of: &dyn Fn(&BehaviourMeasures) -> f32| {
-            round.measures.iter().map(|measures| f64::from(of(measures))).sum::<f64>() / count
-        };
-        let disagreement = |place: usize| {
-            let mut of = round.measures.iter().map(|measures| measures.disagreement);
-            of.try_fold(0.0, |sum, apart| apart.map(|apart| sum + f64::from(apart[place]) / count))
-        };
-        let norms: Vec<f32> = round.measures.iter().filter_map(|measures| measures.actor_gradient_norm).collect();
-        let repeat = f64::from(options.world.action_repeat);
-        let bound = repeat / (1.0 - options.behaviour.discount).max(1e-6);
-        let value = mean(&|measures| measures.value);
-        let foresight = round.foresight;
-        Line {
-            control_steps: self.state.control_steps,
-            agent_steps: self.state.agent_steps,
-            episodes: self.state.episodes,
-            training_return: lived.map(|lived| lived.episode_return),
-            world: self.session.take_row(),
-            imagined_return: mean(&|measures| measures.imagined_return),
-            value,
-            value_over_bound: value / bound,
-            return_scale: mean(&|measures| measures.return_scale),
-            entropy: mean(&|measures| measures.entropy),
-            disagreement: disagreement(0),
-            recorded_disagreement: disagreement(1),
-            critic_loss: mean(&|measures| measures.critic_loss),
-            actor_gradient_norm: (!norms.is_empty())
-                .then(|| norms.iter().map(|&norm| f64::from(norm)).sum::<f64>() / norms.len() as f64),
-            critic_gradient_norm: mean(&|measures| measures.critic_gradient_norm),
-            foreseen_reward: foresight.map_or(0.0, |foresight| foresight.imagined),
-            recorded_reward: foresight.map_or(0.0, |foresight| foresight.recorded),
-            foresight: foresight.and_then(|foresight| foresight.correlation),
-            control_steps_per_second: lived.map_or(0.0, |lived| f64::from(lived.steps) * repeat / seconds),
-            waiting_for_actor_share: waited / seconds,
-            acting_share: lived.map_or(0.0, |lived| lived.seconds / seconds),
-        }
-    }
-
     /// When it is due, and at the end; its time is not counted as training.
-    fn evaluate(
-        &mut self,
-        learner: &Learner,
-        behaviour: &BehaviourLearner,
-        listen: &mut dyn FnMut(Event<'_>) -> Go,
-    ) -> Result<Go> {
+    fn evaluate(&mut self, learners: &Learners, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Go> {
         let options = self.setup.options;
         let is_last = self.is_last();
         let is_due = options.evaluate_every > 0 && self.state.control_steps >= self.state.next_evaluation;
         if !is_last && !is_due {
             return Ok(Go::On);
         }
-        let agent = Agent::new(&learner.model, &behaviour.behaviour.actor, self.setup.device);
-        let agent = TrainedAgent::World(Box::new(agent));
+        let agent = self.agent(learners);
         let seed = self.setup.run.info().options.seed;
         let counters = evaluate::Counters {
             update: self.session.state.update,
@@ -482,12 +357,7 @@ impl Training<'_> {
         Ok(listen(Event::Evaluated(&evaluation)))
     }
 
-    fn save(
-        &mut self,
-        learner: &Learner,
-        behaviour: &BehaviourLearner,
-        listen: &mut dyn FnMut(Event<'_>) -> Go,
-    ) -> Result<()> {
+    fn save(&mut self, (learner, behaviour): &Learners, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<()> {
         let guard = behaviour.guard.as_ref().and_then(|guard| guard.guard.first_not_finite());
         if let Some(value) = behaviour.behaviour.first_not_finite().or(guard) {
             let error = TrainError::NotFinite { what: "a weight of actor, critic or guard", value };
@@ -510,56 +380,6 @@ fn look_ahead(learner: &Learner, rows: &Replayed, run: &Run, update: u64, device
     let options = &run.info().options;
     let mut rng = update_rng(options.seed, update, Purpose::Foresight);
     foresight(&learner.model.world, rows, options.burn_in, &mut rng, &device.clone().inner())
-}
-
-/// What a checkpoint gives back.
-struct Resumed {
-    learner: Learner,
-    behaviour: BehaviourLearner,
-    world: State,
-    online: OnlineState,
-}
-
-const BEHAVIOUR: &str = "behaviour.safetensors";
-const GUARD: &str = "guard.safetensors";
-const MOMENTS: &str = "behaviour_optimizer.safetensors";
-const STATE: &str = "online.json";
-
-fn save_behaviour(folder: &Path, learner: &BehaviourLearner, state: OnlineState) -> Result<()> {
-    learner.behaviour.save(&folder.join(BEHAVIOUR))?;
-    let mut moments = learner.actor_optimizer.to_tensors("actor");
-    moments.extend(learner.critic_optimizer.to_tensors("critic"));
-    if let Some(guard) = &learner.guard {
-        guard.guard.save(&folder.join(GUARD))?;
-        moments.extend(guard.optimizer.to_tensors("guard"));
-    }
-    save_tensors(&folder.join(MOMENTS), &moments, HashMap::new())?;
-    write_json(&folder.join(STATE), &state)
-}
-
-fn resume(run: &Run, device: &Device) -> Result<Option<Resumed>> {
-    let Some((learner, world)) = run.resume(device)? else { return Ok(None) };
-    let Some(newest) = run.checkpoints().last().copied() else { return Ok(None) };
-    let folder = run.checkpoint_path(newest);
-    let file = folder.join(STATE);
-    let text = std::fs::read_to_string(&file).map_err(io("read", &file))?;
-    let online: OnlineState = serde_json::from_str(&text)
-        .map_err(|error| malformed(&file, error, "an online.json as `vibes-train online` writes it"))?;
-    let behaviour = Behaviour::load(&folder.join(BEHAVIOUR), &run.info().model, device)?;
-    let is_guarded = folder.join(GUARD).is_file();
-    let guard = is_guarded.then(|| Guard::load(&folder.join(GUARD), &run.info().model, device)).transpose()?;
-    let mut behaviour = BehaviourLearner::new(behaviour, device).guarded(guard);
-    if !folder.join(MOMENTS).is_file() {
-        return Err(TrainError::KeptCopy { path: run.path().to_owned() });
-    }
-    let (moments, _) = load_tensors(&folder.join(MOMENTS))?;
-    behaviour.actor_optimizer.restore("actor", &moments, online.actor_steps, device);
-    behaviour.critic_optimizer.restore("critic", &moments, online.critic_steps, device);
-    if let Some(guard) = &mut behaviour.guard {
-        guard.optimizer.restore("guard", &moments, online.guard_steps, device);
-    }
-    behaviour.scale = online.scale;
-    Ok(Some(Resumed { learner, behaviour, world, online }))
 }
 
 #[cfg(test)]

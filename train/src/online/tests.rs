@@ -7,6 +7,7 @@ use vibes_data::{RunFolder, verify_recording};
 use vibes_env::distractors::{Axes, DistractorSettings};
 use vibes_env::{Trained, rollout_frames};
 
+use super::actor::Lived;
 use super::model_free::folder::{FORMAT, Folder, ModelFreeOptions};
 use super::model_free::model_free_living;
 use super::*;

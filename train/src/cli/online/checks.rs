@@ -1,0 +1,103 @@
+//! What was typed and has no effect is an error: options of the other kind of agent, of distractors that are off, of a run that has them settled.
+
+use std::path::Path;
+
+use anyhow::Result;
+use vibes_command::options_of;
+use vibes_env::distractors::Axes;
+use vibes_train::TrainError;
+use vibes_train::online::options::OnlineOptions;
+use vibes_train::options::Options;
+
+use super::OnlineArgs;
+use super::args::BehaviourArgs;
+use crate::cli::flags::OptionArgs;
+use crate::cli::model_free::ModelFreeArgs;
+
+impl OnlineArgs {
+    /// That nothing was given that does not concern how this run begins.
+    pub(super) fn check_beginning(&self, beginning: Beginning<'_>) -> Result<()> {
+        match beginning {
+            Beginning::Nothing => self.refuse(["given_share"], "without recordings (name a RUN that has some)")?,
+            Beginning::Offline | Beginning::Again(_) => self.refuse(["preset"], "where a run is gone on from")?,
+        }
+        match (&self.output, beginning) {
+            (Some(output), Beginning::Again(run)) if !is_same(output, run) => {
+                self.refuse(["output"], "on an online run that is there: it goes on in its own folder")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// That none of these options was given.
+    pub(super) fn refuse<'a>(&self, options: impl IntoIterator<Item = &'a str>, why: &str) -> Result<()> {
+        match self.given.first_of(options) {
+            Some(option) => anyhow::bail!(TrainError::Options(format!("{option} has no effect {why}; leave it out"))),
+            None => Ok(()),
+        }
+    }
+
+    /// That nothing was given that this agent, or a world like this, does not look at.
+    pub(super) fn check_given(&self, is_model_free: bool, options: &OnlineOptions) -> Result<()> {
+        let of_other: Vec<String> = if is_model_free {
+            let work = [
+                "rows_per_step",
+                "given_share",
+                "first_updates",
+                "critic_first",
+                "short_horizon",
+                "short_for",
+                "exploration",
+            ];
+            let work = work.into_iter().map(str::to_owned);
+            let settled = |option: &String| option == "seed" || (option == "preset" && self.system().is_some());
+            let model = options_of::<OptionArgs>().into_iter().filter(|option| !settled(option));
+            model.chain(options_of::<BehaviourArgs>()).chain(work).collect()
+        } else {
+            options_of::<ModelFreeArgs>().into_iter().filter(|option| option != "agent").collect()
+        };
+        let agent = if is_model_free { "without a world model" } else { "with a world model (--agent dreamer)" };
+        let axes = options.world.distractors.axes;
+        let background: &[&str] = if axes.background { &[] } else { &["videos", "video_count"] };
+        let any: &[&str] = if axes == Axes::NONE { &["difficulty", "static"] } else { &[] };
+        self.refuse(of_other.iter().map(String::as_str), &format!("for an agent {agent}"))?;
+        let unguarded: &[&str] = if options.behaviour.guard > 0.0 { &[] } else { &["guard_members"] };
+        self.refuse(unguarded.iter().copied(), "without a guard (--guard)")?;
+        self.refuse([background, any].concat(), "without such distractors (--distract)")
+    }
+}
+
+/// That the options differ from those that they were laid over in nothing that is not looked at. What merely says the same again, as a run's config.toml does, may stand.
+pub(super) fn check_same(asked: &Options, base: &Options, is_gone_on_from: bool) -> Result<()> {
+    let online = "online, where control steps count and a line is a round";
+    let settled = "where a run is gone on from: it has that settled";
+    let changed = [
+        ("updates", asked.updates != base.updates, online),
+        ("log-every", asked.log_every != base.log_every, online),
+        ("calibrate", is_gone_on_from && asked.calibrate != base.calibrate, settled),
+        ("reward-scale", is_gone_on_from && asked.reward_scale != base.reward_scale, settled),
+        ("reward-floor", is_gone_on_from && asked.reward_floor != base.reward_floor, settled),
+    ];
+    match changed.into_iter().find(|(_, is_changed, _)| *is_changed) {
+        Some((option, _, why)) => {
+            anyhow::bail!(TrainError::Options(format!("--{option} has no effect {why}; leave it out")))
+        }
+        None => Ok(()),
+    }
+}
+
+/// How a run begins.
+#[derive(Clone, Copy)]
+pub(super) enum Beginning<'a> {
+    /// From nothing.
+    Nothing,
+    /// On from an offline run, into a folder of its own.
+    Offline,
+    /// On with the run that is there.
+    Again(&'a Path),
+}
+
+/// Whether two paths lead to one folder.
+fn is_same(one: &Path, other: &Path) -> bool {
+    one == other || one.canonicalize().ok().zip(other.canonicalize().ok()).is_some_and(|(one, other)| one == other)
+}

@@ -1,0 +1,106 @@
+//! What online training leaves in a checkpoint beside the world model, and how it is taken up again. In: the learner of actor and critic, and the
+//! counters. Out: the files that the module above lists, and everything from them.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use burn::tensor::Device;
+use serde::{Deserialize, Serialize};
+use vibes_model::behaviour::Behaviour;
+use vibes_model::checkpoint::{load_tensors, save_tensors};
+use vibes_model::guard::Guard;
+use vibes_model::returns::ReturnScale;
+
+use crate::error::{Result, TrainError, io, malformed};
+use crate::json::write_json;
+use crate::learners::behaviour::BehaviourLearner;
+use crate::learners::world::Learner;
+use crate::run::{Run, State};
+
+/// Where online training stands, beside the world model's own state: saved with every checkpoint.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct OnlineState {
+    /// Episodes admitted, random ones included.
+    pub episodes: u32,
+    /// Control steps of them.
+    pub control_steps: u64,
+    /// Agent steps of them.
+    pub agent_steps: u64,
+    /// Updates paid for and not made yet; a fraction remains from round to round.
+    pub credit: f64,
+    /// Updates of actor and critic.
+    pub updates: u64,
+    /// Control steps at which the next evaluation is due.
+    pub next_evaluation: u64,
+    /// Adam's steps of the actor.
+    pub actor_steps: u64,
+    /// Adam's steps of the critic.
+    pub critic_steps: u64,
+    /// Adam's steps of the guard; 0 without one.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub guard_steps: u64,
+    /// What returns are divided by.
+    pub scale: ReturnScale,
+    /// Whether the last evaluation has been made.
+    pub is_finished: bool,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_zero(steps: &u64) -> bool {
+    *steps == 0
+}
+
+/// What a checkpoint gives back.
+pub(super) struct Resumed {
+    pub(super) learner: Learner,
+    pub(super) behaviour: BehaviourLearner,
+    pub(super) world: State,
+    pub(super) online: OnlineState,
+}
+
+const BEHAVIOUR: &str = "behaviour.safetensors";
+const GUARD: &str = "guard.safetensors";
+const MOMENTS: &str = "behaviour_optimizer.safetensors";
+const STATE: &str = "online.json";
+
+/// Writes the files of actor, critic and guard, and where training stands.
+pub(super) fn save_behaviour(folder: &Path, learner: &BehaviourLearner, state: OnlineState) -> Result<()> {
+    learner.behaviour.save(&folder.join(BEHAVIOUR))?;
+    let mut moments = learner.actor_optimizer.to_tensors("actor");
+    moments.extend(learner.critic_optimizer.to_tensors("critic"));
+    if let Some(guard) = &learner.guard {
+        guard.guard.save(&folder.join(GUARD))?;
+        moments.extend(guard.optimizer.to_tensors("guard"));
+    }
+    save_tensors(&folder.join(MOMENTS), &moments, HashMap::new())?;
+    write_json(&folder.join(STATE), &state)
+}
+
+/// Takes up the newest checkpoint; none in a run without one.
+///
+/// # Errors
+/// [`TrainError`]: a file is missing or damaged, or the folder is a kept copy without moments.
+pub(super) fn resume(run: &Run, device: &Device) -> Result<Option<Resumed>> {
+    let Some((learner, world)) = run.resume(device)? else { return Ok(None) };
+    let Some(newest) = run.checkpoints().last().copied() else { return Ok(None) };
+    let folder = run.checkpoint_path(newest);
+    let file = folder.join(STATE);
+    let text = std::fs::read_to_string(&file).map_err(io("read", &file))?;
+    let online: OnlineState = serde_json::from_str(&text)
+        .map_err(|error| malformed(&file, error, "an online.json as `vibes-train online` writes it"))?;
+    let behaviour = Behaviour::load(&folder.join(BEHAVIOUR), &run.info().model, device)?;
+    let is_guarded = folder.join(GUARD).is_file();
+    let guard = is_guarded.then(|| Guard::load(&folder.join(GUARD), &run.info().model, device)).transpose()?;
+    let mut behaviour = BehaviourLearner::new(behaviour, device).guarded(guard);
+    if !folder.join(MOMENTS).is_file() {
+        return Err(TrainError::KeptCopy { path: run.path().to_owned() });
+    }
+    let (moments, _) = load_tensors(&folder.join(MOMENTS))?;
+    behaviour.actor_optimizer.restore("actor", &moments, online.actor_steps, device);
+    behaviour.critic_optimizer.restore("critic", &moments, online.critic_steps, device);
+    if let Some(guard) = &mut behaviour.guard {
+        guard.optimizer.restore("guard", &moments, online.guard_steps, device);
+    }
+    behaviour.scale = online.scale;
+    Ok(Some(Resumed { learner, behaviour, world, online }))
+}
