@@ -2,13 +2,14 @@
 //! row, and the file it is appended to.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use vibes_data::Metrics;
 
-use crate::error::{Result, io, malformed};
+use crate::error::{Result, malformed};
 use crate::learners::world::Measures;
 use vibes_measure::spectrum::spectrum;
 
@@ -107,13 +108,35 @@ impl Averages {
     }
 }
 
-/// Reads every row of a `metrics.jsonl`.
+/// Reads every whole row of a `metrics.jsonl`, those of older runs under today's names; a missing file holds none, and a run that was killed leaves a
+/// line that is none.
 ///
 /// # Errors
-/// The file is missing or a line is not a row.
+/// The file cannot be read, or a line is not a row.
 pub fn read_rows(path: &Path) -> Result<Vec<Row>> {
-    let text = fs::read_to_string(path).map_err(io("read", path))?;
-    let parse =
-        |line| serde_json::from_str(line).map_err(|error| malformed(path, error, "one JSON object of metrics a line"));
-    text.lines().map(parse).collect()
+    let row = |line| {
+        serde_json::from_value(Value::Object(line))
+            .map_err(|error| malformed(path, error, "one JSON object of metrics a line"))
+    };
+    Metrics::read(path)?.lines.into_iter().map(row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_of_older_and_of_killed_runs_are_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("metrics.jsonl");
+        assert_eq!(read_rows(&path).unwrap(), []);
+        let row =
+            Row { update: 20, batch_effective_rank: 3.5, stated: [(NAME.to_owned(), 0.25)].into(), ..Row::default() };
+        let text = serde_json::to_string(&row).unwrap();
+        let older = text.replace("batch_effective_rank", "effective_rank").replace(NAME, "gap");
+        std::fs::write(&path, format!("{older}\n{text}\n{}", &text[..40])).unwrap();
+        assert_eq!(read_rows(&path).unwrap(), [row.clone(), row]);
+    }
+
+    const NAME: &str = "adversary_minus_dynamics";
 }

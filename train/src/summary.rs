@@ -22,7 +22,7 @@ const SHOWN: usize = 12;
 /// # Errors
 /// The numbers cannot be read or the page cannot be written.
 pub fn write_summary(run: &Run) -> Result<()> {
-    let rows = if run.metrics_path().exists() { read_rows(&run.metrics_path())? } else { Vec::new() };
+    let rows = read_rows(&run.metrics_path())?;
     let evaluations = Metrics::read(&run.evaluations_path())?.lines.into_iter().map(Json::Object).collect::<Vec<_>>();
     // The page about a run stands below online training and reads of it what lies on disk.
     let online = std::fs::read(run.path().join("online.json")).unwrap_or_default();

@@ -26,7 +26,7 @@ pub(crate) fn run(context: &Context, args: &InfoArgs) -> Result<()> {
 }
 
 fn of_world_model(context: &Context, run: &Run) -> Result<()> {
-    let rows = if run.metrics_path().exists() { read_rows(&run.metrics_path())? } else { Vec::new() };
+    let rows = read_rows(&run.metrics_path())?;
     let checkpoints = run.checkpoints();
     if context.json {
         let last = rows.last();
