@@ -278,8 +278,11 @@ impl Metrics {
 /// What older runs called numbers of the training batches, by names that belong to numbers of a held-out grid, and what they are called now.
 const RENAMED: [(&str, &str); 2] = [("gap", "adversary_minus_dynamics"), ("effective_rank", "batch_effective_rank")];
 
-/// A line with today's names.
+/// A line with today's names; metrics of other programs, which lack what every line of these runs has, keep theirs.
 fn renamed(mut line: Map<String, Value>) -> Map<String, Value> {
+    if !line.contains_key("dynamics_log_likelihood") {
+        return line;
+    }
     for (old, new) in RENAMED {
         if let Some(value) = line.remove(old) {
             line.insert(new.to_owned(), value);
@@ -351,7 +354,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("metrics.jsonl");
         for (old, new) in RENAMED {
-            let text = format!("{{\"update\":10,\"{old}\":0.5}}\n{{\"update\":20,\"{new}\":0.25}}\n");
+            // What every line of these runs says, and no other program's does.
+            let ours = "\"dynamics_log_likelihood\":2";
+            let text = format!("{{\"update\":10,{ours},\"{old}\":0.5}}\n{{\"update\":20,{ours},\"{new}\":0.25}}\n");
+            std::fs::write(&path, text.replace(ours, "\"loss\":2")).unwrap();
+            assert_eq!(Metrics::read(&path).unwrap().lines[0][old], 0.5);
             std::fs::write(&path, text).unwrap();
             let metrics = Metrics::read(&path).unwrap();
             let found: Vec<Option<f64>> = metrics.lines.iter().map(|line| line[new].as_f64()).collect();

@@ -91,6 +91,26 @@ impl VideoSource {
         Ok(names.into_iter().take(wanted).collect())
     }
 
+    /// The names of `count` videos to train under, and of as many held out, which share none: those of the two sets, and of a folder of one's own, which knows
+    /// no sets, the first and the next; without a count all of a set, and half of a folder of one's own.
+    ///
+    /// # Errors
+    /// As [`VideoSource::list`].
+    pub fn lists(&self, count: Option<usize>) -> Result<[Vec<String>; 2]> {
+        let sets = [VideoSet::Train, VideoSet::Val];
+        if let Self::Folder(_) = self {
+            let [all, other] = [self.list(sets[0], None)?, self.list(sets[1], None)?];
+            if all == other {
+                let each = count.unwrap_or(all.len() / 2).max(1);
+                return match all.get(each..2 * each) {
+                    Some(held_out) => Ok([all[..each].to_vec(), held_out.to_vec()]),
+                    None => Err(Error::TooFewVideos { found: all.len(), wanted: 2 * each, path: self.path() }),
+                };
+            }
+        }
+        Ok([self.list(sets[0], count)?, self.list(sets[1], count)?])
+    }
+
     fn path(&self) -> PathBuf {
         match self {
             Self::Procedural => PathBuf::from("procedural videos"),

@@ -32,7 +32,8 @@ pub enum Method {
     },
 }
 
-/// Rows that clusters are found on at most; of a larger table this many are drawn, and the others belong where their nearest drawn row does.
+/// Rows that clusters are found on at most; of a larger table this many are drawn, and the others belong where their nearest drawn row does, or with DBSCAN to none
+/// where that one is out of reach.
 const FITTED: usize = 10_000;
 
 /// The cluster of every row, `[rows]`, the largest numbered 0; none for rows that belong to none. The same seed gives the same clusters.
@@ -47,11 +48,15 @@ pub fn clusters(table: &Table<'_>, method: Method, rng: &mut impl Rng) -> Result
     drawn.sort_unstable();
     let dims = table.dims();
     let points = Array2::from_shape_fn((drawn.len(), dims), |(at, dim)| f64::from(space.prepared(drawn[at])[dim]));
-    let labels = match method {
-        Method::KMeans { k } => k_means(points, k, rng)?,
-        Method::Dbscan { min_points, reach } => dbscan(&points, min_points, reach)?,
+    let (labels, reach) = match method {
+        Method::KMeans { k } => (k_means(points, k, rng)?, f64::INFINITY),
+        Method::Dbscan { min_points, reach } => {
+            // Of the rows that make a place dense, as many in proportion were drawn.
+            let dense = (min_points as f64 * drawn.len() as f64 / rows as f64).round().max(2.0);
+            (dbscan(&points, dense as usize, reach)?, reach)
+        }
     };
-    let labels = if drawn.len() == rows { labels } else { spread(table, &drawn, &labels)? };
+    let labels = if drawn.len() == rows { labels } else { spread(table, &drawn, &labels, reach)? };
     Ok(by_size(&labels))
 }
 
@@ -115,13 +120,21 @@ fn dbscan(points: &Array2<f64>, min_points: usize, reach: f64) -> Result<Vec<Opt
     Ok(found.map_err(failed)?.iter().copied().collect())
 }
 
-/// Every row's label from the nearest drawn one.
-fn spread(table: &Table<'_>, drawn: &[usize], labels: &[Option<usize>]) -> Result<Vec<Option<usize>>, Error> {
+/// Every row's label from the nearest drawn one within reach.
+fn spread(
+    table: &Table<'_>,
+    drawn: &[usize],
+    labels: &[Option<usize>],
+    reach: f64,
+) -> Result<Vec<Option<usize>>, Error> {
     let values: Vec<f32> = drawn.iter().flat_map(|&row| table.row(row)).copied().collect();
     let keys: Vec<u32> = (0..drawn.len() as u32).collect();
     let some = Table::new(table.dims(), &values, &keys, &keys)?;
     let near = nearest_to(&Space::new(some, Metric::Standardized)?, table, 1)?;
-    Ok((0..table.rows()).map(|row| labels[near.rows(row)[0] as usize]).collect())
+    let is_near = |row: &usize| near.all_distances()[*row] <= reach;
+    Ok((0..table.rows())
+        .map(|row| Some(row).filter(is_near).and_then(|row| labels[near.rows(row)[0] as usize]))
+        .collect())
 }
 
 /// Labels numbered by falling size, equals by their first row.

@@ -4,6 +4,7 @@
 
 use std::collections::HashMap;
 use std::fs;
+use std::io::Write;
 use std::path::Path;
 
 use burn::tensor::Device;
@@ -90,7 +91,9 @@ pub fn save_tensors(path: &Path, tensors: &HostTensors, metadata: HashMap<String
     // A header without any entry is written in a way that cannot be read again.
     let metadata = (!metadata.is_empty()).then_some(metadata);
     let bytes = safetensors::serialize(views, metadata).map_err(|error| not_a_checkpoint(path, error))?;
-    fs::write(path, bytes).map_err(|cause| ModelError::Io { path: path.to_owned(), action: "write", cause })
+    // On the disk, before a rename makes it the newest checkpoint.
+    let write = || fs::File::create(path).and_then(|mut file| file.write_all(&bytes).and_then(|()| file.sync_data()));
+    write().map_err(|cause| ModelError::Io { path: path.to_owned(), action: "write", cause })
 }
 
 /// Writes a copy of a safetensors file in half precision, metadata and all: half the bytes, for weights that are kept and not trained on every day.

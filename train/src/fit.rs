@@ -162,7 +162,9 @@ impl Training<'_> {
                 self.session.log(&row)?;
                 go = listen(Event::Metrics(&row));
             }
-            if let Err(error) = self.evaluate(&learner, end.is_some(), listen) {
+            // Whoever stops a run wants it saved, not judged.
+            let is_over = matches!(end, Some(End::Updates | End::Minutes));
+            if let Err(error) = self.evaluate(&learner, is_over, listen) {
                 // What was learned is kept, whatever is wrong with the grid.
                 self.session.save(&learner, |_folder| Ok(()))?;
                 return Err(error);

@@ -10,6 +10,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
+use serde_json::Value as Json;
 use vibes_data::{RunFolder, write_atomically};
 use vibes_model::Model;
 use vibes_model::checkpoint::copy_in_half;
@@ -71,7 +72,7 @@ pub fn keep(run: &Run, to: &Path, extent: Extent) -> Result<Kept> {
         fs::copy(run.path().join(name), &target).map_err(io("write", &target))?;
     }
     for name in CURVES.iter().filter(|name| run.path().join(name).is_file()) {
-        thin(&run.path().join(name), &to.join(name))?;
+        thin(&run.path().join(name), &to.join(name), update)?;
     }
     let recordings = info.recording_names().into_iter().map(|name| format!("recordings/{name}")).collect();
     write_json(&to.join("run.json"), &RunInfo { recordings, from: None, ..info })?;
@@ -104,10 +105,14 @@ fn without_adversary(from: &Path, to: &Path) -> Result<()> {
     Ok(copy_in_half(to, to)?)
 }
 
-/// Every so-manieth line of a curve, the last one always.
-fn thin(from: &Path, to: &Path) -> Result<()> {
+/// Every so-manieth line of a curve, the last one always; of what came after the kept checkpoint, and of a line that was cut short, nothing.
+fn thin(from: &Path, to: &Path, update: u64) -> Result<()> {
     let text = fs::read_to_string(from).map_err(io("read", from))?;
-    let lines: Vec<&str> = text.lines().collect();
+    let is_kept = |line: &&str| {
+        let line: Option<Json> = serde_json::from_str(line).ok();
+        line.is_some_and(|line| line["update"].as_u64().is_none_or(|number| number <= update))
+    };
+    let lines: Vec<&str> = text.lines().filter(is_kept).collect();
     let every = lines.len().div_ceil(LINES).max(1);
     let last = lines.len().saturating_sub(1);
     // Counted from the end, so that the last line is one of them and all lie equally far apart.
@@ -141,10 +146,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (from, to) = (folder.path().join("from"), folder.path().join("to"));
         for count in [0, 1, 250, 251, 1003] {
-            let lines: String = (0..count).map(|number| format!("{number}\n")).collect();
-            fs::write(&from, lines).unwrap();
-            thin(&from, &to).unwrap();
-            let kept: Vec<usize> = fs::read_to_string(&to).unwrap().lines().map(|line| line.parse().unwrap()).collect();
+            let line = |number: usize| format!("{{\"update\":{number}}}\n");
+            let lines: String = (0..count).map(line).collect();
+            // A run that was killed after its last checkpoint.
+            fs::write(&from, lines + &line(2000) + "{\"update\":20").unwrap();
+            thin(&from, &to, 1999).unwrap();
+            let text = fs::read_to_string(&to).unwrap();
+            let number = |line| serde_json::from_str::<Json>(line).unwrap()["update"].as_u64().unwrap() as usize;
+            let kept: Vec<usize> = text.lines().map(number).collect();
             assert!(kept.len() <= LINES, "{count}");
             assert_eq!(kept.last().copied(), (count > 0).then(|| count - 1));
             let gaps: std::collections::BTreeSet<usize> = kept.windows(2).map(|pair| pair[1] - pair[0]).collect();

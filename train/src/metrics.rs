@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Map, Value};
 use vibes_data::Metrics;
 
 use crate::error::{Result, malformed};
@@ -15,6 +15,7 @@ use vibes_measure::spectrum::spectrum;
 
 /// One line of `metrics.jsonl`: averages over the updates since the line before. Log-likelihoods are nats a row.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default = "Row::unknown")]
 pub struct Row {
     /// Updates made when the line was written.
     pub update: u64,
@@ -25,7 +26,6 @@ pub struct Row {
     /// Rewards.
     pub reward_log_likelihood: f64,
     /// Share of the dynamics term's gradient that reached the encoder.
-    #[serde(default)]
     pub dynamics_weight: f64,
     /// Norm of the world model's gradient before it was limited.
     pub gradient_norm: f64,
@@ -49,6 +49,26 @@ pub struct Row {
 }
 
 impl Row {
+    /// What a line does not say.
+    fn unknown() -> Self {
+        let nan = f64::NAN;
+        Self {
+            update: 0,
+            objective: nan,
+            dynamics_log_likelihood: nan,
+            reward_log_likelihood: nan,
+            dynamics_weight: 0.0,
+            gradient_norm: nan,
+            encoder_gradient_norm: nan,
+            batch_effective_rank: nan,
+            latent_variance: nan,
+            updates_per_second: nan,
+            frames_per_second: nan,
+            waiting_share: nan,
+            stated: BTreeMap::new(),
+        }
+    }
+
     /// What the objective or an auxiliary term stated, if it did.
     pub fn stated(&self, name: &str) -> Option<f64> {
         self.stated.get(name).copied()
@@ -114,7 +134,9 @@ impl Averages {
 /// # Errors
 /// The file cannot be read, or a line is not a row.
 pub fn read_rows(path: &Path) -> Result<Vec<Row>> {
-    let row = |line| {
+    let row = |mut line: Map<String, Value>| {
+        // What was no number was written as null.
+        line.retain(|_, value| !value.is_null());
         serde_json::from_value(Value::Object(line))
             .map_err(|error| malformed(path, error, "one JSON object of metrics a line"))
     };
@@ -136,6 +158,9 @@ mod tests {
         let older = text.replace("batch_effective_rank", "effective_rank").replace(NAME, "gap");
         std::fs::write(&path, format!("{older}\n{text}\n{}", &text[..40])).unwrap();
         assert_eq!(read_rows(&path).unwrap(), [row.clone(), row]);
+        std::fs::write(&path, text.replace("0.25", "null").replace("3.5", "null") + "\n").unwrap();
+        let rows = read_rows(&path).unwrap();
+        assert!(rows[0].batch_effective_rank.is_nan() && rows[0].stated(NAME).is_none() && rows[0].update == 20);
     }
 
     const NAME: &str = "adversary_minus_dynamics";

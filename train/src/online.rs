@@ -116,7 +116,8 @@ fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'
     let Setup { run, options, given, device } = *setup;
     let model_options = &run.info().options;
     let libraries = [options.world.video_library(VideoSet::Train)?, options.world.video_library(VideoSet::Val)?];
-    let manifest = options.world.manifest(model_options.seed, libraries[0].videos())?;
+    let place = run.path().join("replay");
+    let manifest = options.world.manifest(model_options.seed, libraries[0].videos(), &place)?;
     let resumed = resume(run, device)?;
     let (mut state, world_state) =
         resumed.as_ref().map_or_else(Default::default, |resumed| (resumed.online, resumed.world));
@@ -129,7 +130,7 @@ fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'
     state.next_evaluation = state.next_evaluation.min(options.next_evaluation(state.control_steps));
     let sizes =
         ReplayOptions { length: model_options.length, batch: model_options.batch, given_share: options.given_share };
-    let replay = Replay::open(&run.path().join("replay"), manifest, state.episodes, given, sizes)?;
+    let replay = Replay::open(&place, manifest, state.episodes, given, sizes)?;
     listen(Event::Start { control_steps: state.control_steps });
     evaluate::drop_beyond(&run.evaluations_path(), state.next_evaluation)?;
     let session = Session::open(run, device, world_state, true)?;

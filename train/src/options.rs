@@ -142,7 +142,8 @@ impl Options {
                 self.length - 1
             )));
         }
-        let negative = [("reward-scale", self.reward_scale), ("gru-update-bias", self.gru_update_bias)];
+        let negative =
+            [("reward-scale", self.reward_scale), ("gru-update-bias", self.gru_update_bias), ("minutes", self.minutes)];
         match negative.iter().find(|(_, value)| value.is_nan() || *value < 0.0) {
             Some((name, value)) => Err(TrainError::Options(format!("--{name} is {value}; it must be 0 or above"))),
             None => Ok(()),

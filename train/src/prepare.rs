@@ -18,6 +18,10 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
     let Some(first) = recordings.first() else {
         return Err(TrainError::Options("no recording was named; name at least one".to_owned()));
     };
+    if path.join("online.json").exists() {
+        let text = format!("an online run is at {}; name another folder with -o", path.display());
+        return Err(TrainError::Options(text));
+    }
     let spec = &first.manifest().spec;
     let observation = observation_kind(first, options.observations)?;
     for other in &recordings[1..] {

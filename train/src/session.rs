@@ -3,7 +3,7 @@
 //! where windows come from and when something is logged, evaluated and saved.
 
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use burn::tensor::Device;
 use rand::SeedableRng;
@@ -19,7 +19,6 @@ use crate::learners::world::Learner;
 use crate::metrics::{Averages, Row};
 use crate::options::Options;
 use crate::run::{Run, State};
-use crate::settings::Schedule;
 use crate::summary::write_summary;
 use crate::tensorboard::EventFile;
 use crate::windows::{Purpose, update_rng};
@@ -77,9 +76,7 @@ impl<'a> Session<'a> {
         let mut noise = update_rng(self.options.seed, number, Purpose::Noise);
         let scheduled = self.state.carried + number;
         self.state.gate = self.state.gate.before(scheduled, self.options.objective.gate(self.options));
-        // Where Adam's moments are new, the step size rises anew, however far the other schedules have come.
-        let warmed = self.options.schedule(scheduled.min(learner.optimizer.steps()), None).lr;
-        let schedule = Schedule { lr: warmed, ..self.options.schedule(scheduled, self.state.gate.opened) };
+        let schedule = self.options.schedule_after(learner.optimizer.steps(), scheduled, self.state.gate.opened);
         let made = learner.update(&batch, schedule, self.options.parts(), &mut noise);
         let (learner, mut measures) = made.map_err(|error| self.run.diverged(error, number))?;
         self.state.gate = self.state.gate.after(f64::from(measures.reward), measures.reward_baseline.map(f64::from));
@@ -170,6 +167,5 @@ pub fn first_learner(
 
 /// Whether so many seconds of training fill the minutes asked for.
 pub fn out_of_time(options: &Options, seconds: f64) -> bool {
-    options.minutes > 0.0
-        && Duration::from_secs_f64(seconds.max(0.0)) >= Duration::from_secs_f64(options.minutes * 60.0)
+    options.minutes > 0.0 && seconds >= options.minutes * 60.0
 }

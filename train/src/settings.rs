@@ -124,12 +124,17 @@ pub struct Schedule {
 impl Settings {
     /// What holds at one update, if the [gate](crate::gate) opened at update `opened`.
     pub fn schedule(&self, update: u64, opened: Option<u64>) -> Schedule {
+        self.schedule_after(update, update, opened)
+    }
+
+    /// The same where Adam has made fewer steps than the schedules: where its moments are new, the step size rises anew, however far the others have come.
+    pub fn schedule_after(&self, steps: u64, update: u64, opened: Option<u64>) -> Schedule {
         let risen = match opened.and_then(|since| update.checked_sub(since)) {
             None => 0.0,
             Some(since) if since >= self.dynamics_warmup => 1.0,
             Some(since) => since as f64 / self.dynamics_warmup as f64,
         };
-        let warmed = (update.saturating_add(1) as f64 / self.lr_warmup.max(1) as f64).min(1.0);
+        let warmed = (steps.min(update).saturating_add(1) as f64 / self.lr_warmup.max(1) as f64).min(1.0);
         let fallen = match self.lr_decay {
             0 => 1.0,
             after => (after as f64 / update.saturating_add(1) as f64).sqrt().min(1.0),

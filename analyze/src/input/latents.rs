@@ -67,7 +67,9 @@ pub fn read_asked(path: &Path, asked: &Asked) -> Result<ReadLatents, InputError>
     let needed = needed(asked);
     let mut names: Vec<String> = KEYS.iter().chain(&KNOWN).filter(|n| file.has(n)).map(ToString::to_string).collect();
     names.extend(needed.iter().filter(|name| file.has(name) && !names.contains(name)).cloned().collect::<Vec<_>>());
-    let all: Vec<String> = names.iter().chain(&lists).cloned().collect();
+    // A dimension may be asked for by name, too.
+    let rest = lists.iter().filter(|list| !names.contains(list));
+    let all: Vec<String> = names.iter().chain(rest).cloned().collect();
     let frame = file.read(&all)?;
     let fault =
         |error: PolarsError| column(path, &names.join(", "), first_line(&error), "columns of numbers and texts");

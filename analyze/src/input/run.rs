@@ -211,14 +211,14 @@ mod tests {
     #[test]
     fn a_killed_runs_last_line_is_counted_not_fatal() {
         let dir = tempfile::tempdir().expect("folder");
-        let text =
-            "{\"update\":10,\"loss\":2.5,\"gap\":null}\n{\"update\":20,\"loss\":1.5,\"gap\":0.5}\n{\"update\":30,\"lo";
+        let text = "{\"update\":10,\"loss\":2.5,\"gap\":null}\n{\"update\":20,\"dynamics_log_likelihood\":2,\"loss\":1.5,\"gap\":0.5}\n{\"update\":30,\"gap\":9}\n{\"update\":40,\"lo";
         std::fs::write(dir.path().join("metrics.jsonl"), text).expect("file");
         std::fs::write(dir.path().join("run.json"), RUN_JSON).expect("file");
         let run = Run::read(dir.path()).expect("run");
         assert_eq!(run.series["loss"], vec![(10.0, 2.5), (20.0, 1.5)]);
         assert_eq!(run.series["adversary_minus_dynamics"], vec![(20.0, 0.5)], "as an older run calls it");
-        assert_eq!((run.broken_lines, run.objective(), run.updates()), (1, Some("vibes"), Some(20.0)));
+        assert_eq!(run.series["gap"], vec![(30.0, 9.0)], "as another program calls something else");
+        assert_eq!((run.broken_lines, run.objective(), run.updates()), (1, Some("vibes"), Some(30.0)));
     }
 
     #[test]
@@ -227,7 +227,7 @@ mod tests {
         let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).expect("file");
         write(
             "metrics.jsonl",
-            "{\"update\":2000,\"effective_rank\":10.5}\n{\"update\":10000,\"batch_effective_rank\":11.5}\n",
+            "{\"update\":2000,\"dynamics_log_likelihood\":2,\"effective_rank\":10.5}\n{\"update\":10000,\"batch_effective_rank\":11.5}\n",
         );
         for (update, rank) in [(2000, 2.0), (10000, 3.0)] {
             let text = format!(

@@ -121,6 +121,22 @@ fn a_column_whose_first_value_is_a_whole_number_may_hold_fractions() {
 }
 
 #[test]
+fn a_dimension_of_the_latents_is_a_column_like_any_other() {
+    let wanted: Vec<f64> = wanted().latent.chunks(DIMS).map(|row| f64::from(row[1])).collect();
+    let mut wide = 0;
+    for path in tables() {
+        let name = "latent_1".to_string();
+        if TableFile::open(&path).is_ok_and(|file| file.has(&name)) {
+            let asked = Asked { columns: vec![name.clone()], ..Asked::default() };
+            let read = read_asked(&path, &asked).unwrap_or_else(|e| panic!("{e}"));
+            assert_eq!(read.columns, [(name, UserColumn::Numbers(wanted.clone()))], "{}", path.display());
+            wide += 1;
+        }
+    }
+    assert!(wide > 1, "{wide}");
+}
+
+#[test]
 fn what_is_used_and_of_a_wrong_type_is_named_and_what_is_unused_is_not() {
     let path = |name: &str| tables().into_iter().find(|p| p.ends_with(name)).expect("table");
     let ask = |file: &str, column: &str| {

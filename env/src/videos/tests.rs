@@ -95,6 +95,26 @@ fn davis_is_known_by_name_and_other_folders_are_sorted() {
 }
 
 #[test]
+fn what_is_held_out_is_never_trained_under() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["a", "b", "c", "d", "e"] {
+        write_video(folder.path(), name, 1);
+    }
+    let source = VideoSource::Folder(folder.path().to_owned());
+    assert_eq!(source.lists(Some(2)).unwrap(), [vec!["a", "b"], vec!["c", "d"]]);
+    assert_eq!(source.lists(None).unwrap(), [vec!["a", "b"], vec!["c", "d"]]);
+    assert!(source.lists(Some(3)).unwrap_err().to_string().contains("5 videos; 6 are needed"));
+    for name in ["bear", "blackswan"] {
+        write_video(folder.path(), name, 1);
+    }
+    assert_eq!(source.lists(Some(1)).unwrap(), [["bear"], ["blackswan"]]);
+    for count in [None, Some(4)] {
+        let [train, val] = VideoSource::Procedural.lists(count).unwrap();
+        assert!(!train.is_empty() && train.iter().all(|name| !val.contains(name)));
+    }
+}
+
+#[test]
 fn frames_come_sorted_and_again_from_the_cache() {
     let folder = tempfile::tempdir().unwrap();
     write_video(folder.path(), "film", 5);

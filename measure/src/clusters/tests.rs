@@ -112,3 +112,25 @@ fn wrong_options_are_refused() {
     let refused = clusters(&flat, Method::KMeans { k: 2 }, &mut ChaCha8Rng::seed_from_u64(0));
     assert!(matches!(refused, Err(Error::Constant { .. })));
 }
+
+/// Of more rows than clusters are found on, those that lie alone belong to none, drawn or not.
+#[test]
+fn rows_that_lie_alone_belong_to_none_in_a_large_table_too() {
+    const DENSE: usize = 11_000;
+    const ALONE: usize = 400;
+    let mut values = Vec::new();
+    for row in 0..DENSE {
+        let turn = row as f32 / DENSE as f32 * std::f32::consts::TAU;
+        values.extend([0.3 * turn.cos(), 0.3 * turn.sin()]);
+    }
+    for row in 0..ALONE {
+        let turn = row as f32 / ALONE as f32 * std::f32::consts::TAU;
+        values.extend([10.0 * turn.cos(), 10.0 * turn.sin()]);
+    }
+    let keys: Vec<u32> = (0..(DENSE + ALONE) as u32).collect();
+    let table = Table::new(2, &values, &keys, &keys).unwrap();
+    let method = Method::Dbscan { min_points: 8, reach: 0.02 };
+    let found = clusters(&table, method, &mut ChaCha8Rng::seed_from_u64(3)).unwrap();
+    assert!(found[..DENSE].iter().all(|cluster| *cluster == Some(0)));
+    assert!(found[DENSE..].iter().all(Option::is_none));
+}

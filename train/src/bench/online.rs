@@ -140,7 +140,7 @@ fn acting(agent: &Agent, pixels: &[u8], sizes: Sizes, repeats: usize) -> Result<
 fn living(agent: &Agent, online: &OnlineOptions) -> Result<f64> {
     let libraries = [online.world.video_library(VideoSet::Train)?, online.world.video_library(VideoSet::Val)?];
     let folder = std::env::temp_dir().join(format!("vibes-bench-{}", std::process::id()));
-    let manifest = online.world.manifest(0, libraries[0].videos())?;
+    let manifest = online.world.manifest(0, libraries[0].videos(), &folder)?;
     let writer = Arc::new(RecordingWriter::create_or_resume(&folder, manifest, false)?);
     let lived = std::thread::scope(|scope| {
         let thread = ActorThread::start(scope, &online.world, libraries, writer);

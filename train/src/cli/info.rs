@@ -44,7 +44,9 @@ fn of_world_model(context: &Context, run: &Run) -> Result<()> {
         info.model.task, info.model.observation, options.latent, info.model.latents, options.depth, options.hidden
     );
     let names = info.recording_names();
-    println!("  recordings   {} ({} episodes, {} steps)", names.join(", "), info.episodes, info.steps);
+    if !names.is_empty() {
+        println!("  recordings   {} ({} episodes, {} steps)", names.join(", "), info.episodes, info.steps);
+    }
     println!("  checkpoints  {}", checkpoints.iter().map(u64::to_string).collect::<Vec<_>>().join(", "));
     if let Some(last) = rows.last() {
         print_row(last, options.updates);
@@ -85,9 +87,14 @@ fn of_model_free(context: &Context, folder: &Folder) -> Result<()> {
 }
 
 fn print_row(row: &Row, updates: u64) {
+    // An online run goes by control steps.
+    let made = match row.stated("control_steps") {
+        Some(steps) => format!("{} in {steps} control steps", row.update),
+        None => format!("{} of {updates}", row.update),
+    };
     println!(
-        "  updates      {} of {updates}, {:.1} a second, {:.0} frames a second",
-        row.update, row.updates_per_second, row.frames_per_second
+        "  updates      {made}, {:.1} a second, {:.0} frames a second",
+        row.updates_per_second, row.frames_per_second
     );
     let ahead = row.stated("adversary_minus_dynamics");
     let ahead = ahead.map_or(String::new(), |nats| format!(", adversary ahead by {nats:.3}"));

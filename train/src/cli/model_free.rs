@@ -242,6 +242,9 @@ pub(crate) fn run(context: &Context, folder: &Folder, device: DeviceArgs) -> Res
                 println!("{path} has lived through its control steps already; ask for more with --control-steps N");
             }
             End::Updates => println!("done: {path}"),
+            End::Minutes | End::Stopped if folder.places().checkpoints().is_empty() => {
+                println!("stopped before anything was learned; the same command begins anew: {path}");
+            }
             End::Minutes | End::Stopped => println!("stopped and saved; the same command goes on from there: {path}"),
         }
     }

@@ -33,7 +33,7 @@ pub(crate) struct OfflineArgs {
     #[arg(long, value_name = "GRID")]
     eval: Option<PathBuf>,
     /// Updates between evaluations.
-    #[arg(long, default_value_t = 2000, value_name = "N", requires = "eval")]
+    #[arg(long, default_value_t = 2000, value_name = "N", requires = "eval", value_parser = clap::value_parser!(u64).range(1..))]
     eval_every: u64,
     /// Updates of the fresh critic that measures the gaps to a bisimulation at every evaluation; 0 leaves them out.
     #[arg(long, default_value_t = 200, value_name = "N", requires = "eval")]

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::Args;
 use vibes_command::{Ending, Given, options_of, stop_on_signals};
+use vibes_data::Metrics;
 use vibes_train::TrainError;
 use vibes_train::fit::{End, Go};
 use vibes_train::online::model_free::folder::Folder;
@@ -191,8 +192,7 @@ pub(crate) fn run(context: &Context, args: &OnlineArgs) -> Result<Ending> {
 #[allow(clippy::print_stdout, reason = "the command line says what it did")]
 fn report(context: &Context, run: &Run, end: End) -> Result<()> {
     let path = run.path().display();
-    let text = std::fs::read_to_string(run.evaluations_path()).unwrap_or_default();
-    let last: Option<serde_json::Value> = text.lines().last().and_then(|line| serde_json::from_str(line).ok());
+    let last = Metrics::read(&run.evaluations_path())?.lines.pop().map(serde_json::Value::Object);
     if context.json {
         let end = format!("{end:?}").to_lowercase();
         let protocol = OnlineOptions::read(run.path())?.and_then(|options| options.protocol);
@@ -212,6 +212,9 @@ fn report(context: &Context, run: &Run, end: End) -> Result<()> {
         }
         End::Updates => println!("done{text}; next: vibes-collect --policy {path} --grid 10x10"),
         End::Minutes => println!("the minutes are up{text}; ask for more with --minutes M: {path}"),
+        End::Stopped if run.checkpoints().is_empty() => {
+            println!("stopped before anything was learned; the same command begins anew: {path}");
+        }
         End::Stopped => println!("stopped and saved{text}; the same command goes on from there: {path}"),
     }
     Ok(())

@@ -125,7 +125,8 @@ pub(super) fn model_free_living(
     let options = folder.options();
     let world = &options.online.world;
     let libraries = [world.video_library(VideoSet::Train)?, world.video_library(VideoSet::Val)?];
-    let manifest = world.manifest(options.seed, libraries[0].videos())?;
+    let place = folder.path().join("replay");
+    let manifest = world.manifest(options.seed, libraries[0].videos(), &place)?;
     let resumed = folder.resume(device)?;
     let mut state = resumed.as_ref().map_or_else(State::default, |(_, state)| *state);
     if state.is_finished && state.control_steps >= options.online.control_steps {
@@ -140,7 +141,7 @@ pub(super) fn model_free_living(
     };
     let [length, batch] = options.agent.windows();
     let sizes = ReplayOptions { length, batch, given_share: 0.0 };
-    let replay = Replay::open(&folder.path().join("replay"), manifest, state.episodes, &[], sizes)?;
+    let replay = Replay::open(&place, manifest, state.episodes, &[], sizes)?;
     listen(Event::Start { control_steps: state.control_steps });
     evaluate::drop_beyond(&folder.places().evaluations_path(), state.next_evaluation)?;
     let metrics = MetricsFile::open(&folder.places().metrics_path(), state.update)?;

@@ -84,8 +84,9 @@ impl OnlineOptions {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(io("read", &file)(error)),
         };
-        let options = serde_json::from_str(&text);
-        options.map(Some).map_err(|error| malformed(&file, error, "an online.json as `vibes-train online` writes it"))
+        let options: Self = serde_json::from_str(&text)
+            .map_err(|error| malformed(&file, error, "an online.json as `vibes-train online` writes it"))?;
+        Ok(Some(Self { world: options.world.found(run), ..options }))
     }
 
     /// Writes them, or checks that a run that is there was begun with the same; only how long to go on may change.
@@ -94,14 +95,19 @@ impl OnlineOptions {
     /// The run was begun with others, or the file cannot be written.
     pub fn keep(&self, run: &Path) -> Result<()> {
         if let Some(found) = Self::read(run)?
-            && let Some((key, found, asked)) = found.first_difference(self)
+            && let Some((key, found, asked)) = found.stored(run).first_difference(&self.stored(run))
         {
             return Err(TrainError::OtherRun { key, found, asked, path: run.to_owned() });
         }
         let file = run.join("online.json");
-        let text = serde_json::to_string_pretty(self)
+        let text = serde_json::to_string_pretty(&self.stored(run))
             .map_err(|error| malformed(&file, error, "options that JSON can hold"))?;
         Ok(write_atomically(&file, (text + "\n").as_bytes())?)
+    }
+
+    /// The same for a file of the run.
+    pub(super) fn stored(&self, run: &Path) -> Self {
+        Self { world: self.world.stored(run), ..self.clone() }
     }
 
     fn first_difference(&self, asked: &Self) -> Option<(String, String, String)> {
@@ -264,6 +270,30 @@ mod tests {
         let published = OnlineOptions { protocol: Some(Protocol::DcsEasyDynamic500k), ..found.clone() };
         let longer = OnlineOptions { control_steps: 600_000, ..published.clone() };
         assert_eq!(published.first_difference(&longer).map(|(key, ..)| key).as_deref(), Some("control_steps"));
+    }
+
+    /// A run and its folder of videos can be moved together, and the path may be typed anew from anywhere.
+    #[test]
+    fn a_folder_of_videos_is_named_from_the_run() {
+        let folder = tempfile::tempdir().unwrap();
+        let [before, after] = ["before", "after"].map(|name| folder.path().join(name));
+        std::fs::create_dir_all(before.join("films")).unwrap();
+        std::fs::create_dir_all(before.join("runs/a")).unwrap();
+        let typed = |path: &Path| {
+            let world = default_world("cartpole-swingup").unwrap();
+            default_options(WorldOptions { videos: VideoSource::Folder(path.to_owned()), ..world }, false)
+        };
+        typed(&before.join("films")).keep(&before.join("runs/a")).unwrap();
+        let text = std::fs::read_to_string(before.join("runs/a/online.json")).unwrap();
+        assert!(text.contains("\"../../films\""), "{text}");
+        std::fs::rename(&before, &after).unwrap();
+        let found = OnlineOptions::read(&after.join("runs/a")).unwrap().unwrap();
+        assert_eq!(found.world.videos, VideoSource::Folder(after.join("films")));
+        typed(&after.join("runs/../films")).keep(&after.join("runs/a")).unwrap();
+        let error = typed(&after.join("others")).keep(&after.join("runs/a")).unwrap_err().to_string();
+        assert!(error.contains("world.videos.folder"), "{error}");
+        let manifest = found.world.manifest(0, &[], &after.join("runs/a/replay")).unwrap();
+        assert_eq!(manifest.options["videos"]["folder"], "../../../films");
     }
 
     #[test]

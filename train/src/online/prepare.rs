@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use vibes_data::{RUN_FORMAT, Recording, Spec, relative_place};
+use vibes_data::{RUN_FORMAT, Recording, RunFolder, Spec, relative_place};
 use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::Look;
 use vibes_env::videos::VideoSource;
@@ -104,6 +104,14 @@ pub fn from_nothing(path: &Path, model: &Options, options: OnlineOptions) -> Res
 pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions) -> Result<Prepared> {
     options.check()?;
     check_length(&options, model.length)?;
+    let there = RunFolder::at(path);
+    if OnlineOptions::read(path)?.is_none() && !there.checkpoints().is_empty() {
+        let text = format!(
+            "an offline run is at {}; online training goes on from it in a folder of its own, -o",
+            path.display()
+        );
+        return Err(TrainError::Options(text));
+    }
     let given = from.open_recordings()?;
     check_repeats(&given, options.world.action_repeat)?;
     let spec = options.world.spec()?;

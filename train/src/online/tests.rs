@@ -213,6 +213,11 @@ fn an_offline_run_is_gone_on_from_with_its_own_sizes_and_action_repeat_alone() {
     assert!(error.contains("begin from a run of the same task, sizes and objective"), "{error}");
     let error = refused("held", &|_, online| online.world.action_repeat = 5);
     assert!(error.contains("actions held for 2 control steps") && error.contains("--action-repeat"), "{error}");
+    // Neither takes the folder of the other.
+    let error = from("offline", &|_, _| {}).unwrap_err().to_string();
+    assert!(error.contains("an offline run is at") && !offline.join("online.json").exists(), "{error}");
+    let error = crate::prepare::prepare(&first, &replay, &model, None).unwrap_err().to_string();
+    assert!(error.contains("an online run is at"), "{error}");
     let prepared = from("as-it-is", &|_, _| {}).unwrap();
     assert_eq!(prepared.run.info().model, run.info().model);
     let setup =

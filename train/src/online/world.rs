@@ -1,10 +1,11 @@
 //! The world of an online run: its environment and videos, made from [`WorldOptions`], and the header of the recording of what is lived through in it.
 
+use std::path::Path;
 use std::sync::Arc;
 
-use vibes_data::{Manifest, Spec, Video};
+use vibes_data::{Manifest, Spec, Video, find_place, relative_place};
 use vibes_env::render::RenderSettings;
-use vibes_env::videos::{VideoLibrary, VideoSet};
+use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 use vibes_env::{Environment, EnvironmentOptions, Eyes, Heading};
 
 use super::options::WorldOptions;
@@ -33,8 +34,11 @@ impl WorldOptions {
         let Some(pictures) = self.pictures().filter(|_| self.distractors.axes.background) else {
             return Ok(Arc::new(VideoLibrary::none()));
         };
-        let count = self.video_count.or(self.distractors.difficulty.videos());
-        let names = self.videos.list(set, count)?;
+        let [train, val] = self.videos.lists(self.video_count.or(self.distractors.difficulty.videos()))?;
+        let names = match set {
+            VideoSet::Train => train,
+            VideoSet::Val => val,
+        };
         Ok(Arc::new(VideoLibrary::open(&self.videos, set, &names, pictures.look.sky_side(pictures.size))?))
     }
 
@@ -44,10 +48,7 @@ impl WorldOptions {
     /// It does not, or holds too few.
     pub fn check_videos(&self) -> Result<()> {
         if self.pictures().is_some() && self.distractors.axes.background {
-            let count = self.video_count.or(self.distractors.difficulty.videos());
-            for set in [VideoSet::Train, VideoSet::Val] {
-                self.videos.list(set, count)?;
-            }
+            self.videos.lists(self.video_count.or(self.distractors.difficulty.videos()))?;
         }
         Ok(())
     }
@@ -68,12 +69,35 @@ impl WorldOptions {
         Ok(self.environment()?.spec(self.size))
     }
 
-    /// The header of the recording, with options that the collector reads like those of its own recordings.
+    /// The same for a file of this folder: a folder of videos is named from there, so that both can be moved together.
+    #[must_use]
+    pub fn stored(&self, folder: &Path) -> Self {
+        let videos = match &self.videos {
+            VideoSource::Folder(path) => VideoSource::Folder(relative_place(path, folder).into()),
+            source => source.clone(),
+        };
+        Self { videos, ..self.clone() }
+    }
+
+    /// The same as a file of this folder has it, with its folder of videos where it is.
+    #[must_use]
+    pub fn found(&self, folder: &Path) -> Self {
+        let videos = match &self.videos {
+            VideoSource::Folder(path) => {
+                let found = find_place(&path.to_string_lossy(), folder, Path::is_dir);
+                VideoSource::Folder(found.unwrap_or_else(|| folder.join(path)))
+            }
+            source => source.clone(),
+        };
+        Self { videos, ..self.clone() }
+    }
+
+    /// The header of the recording in `folder`, with options that the collector reads like those of its own recordings.
     ///
     /// # Errors
     /// There is no such task.
-    pub fn manifest(&self, seed: u64, videos: &[Video]) -> Result<Manifest> {
-        let mut options = serde_json::to_value(self).unwrap_or_default();
+    pub fn manifest(&self, seed: u64, videos: &[Video], folder: &Path) -> Result<Manifest> {
+        let mut options = serde_json::to_value(self.stored(folder)).unwrap_or_default();
         if let Some(options) = options.as_object_mut() {
             let more = serde_json::json!({
                 "policy": "random", "grid": null, "episodes": 0, "raw_torques": false, "video_set": VideoSet::Train,

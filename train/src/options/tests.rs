@@ -48,6 +48,8 @@ fn warm_up_rises_to_the_weight() {
     let falling = Settings { lr: 1.0, adversary_lr: 2.0, lr_warmup: 0, lr_decay: 100, ..small() };
     assert_eq!([0, 99, 399].map(|update| falling.schedule(update, None).lr), [1.0, 1.0, 0.5]);
     assert_eq!(falling.schedule(399, None).adversary_lr, 1.0);
+    // New moments warm up; what has fallen stays fallen.
+    assert_eq!(falling.schedule_after(0, 399, None).lr, 0.5);
 }
 
 #[test]

@@ -68,7 +68,8 @@ pub(super) struct WorldArgs {
     /// Distractors keep what they are at the start of the episode.
     #[arg(long = "static")]
     r#static: bool,
-    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS [default: the built-in procedural videos].
+    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS, whose lists say what is held out; of other folders the first --video-count are trained under and as many that
+    /// follow are held out [default: the built-in procedural videos].
     #[arg(long, value_name = "DIR")]
     videos: Option<PathBuf>,
     /// Number of videos [default: the suite's for the difficulty].

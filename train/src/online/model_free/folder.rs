@@ -68,6 +68,11 @@ impl ModelFreeOptions {
         let [found, asked] = [found, self].map(fixed);
         difference("", &found, &asked)
     }
+
+    /// The same for a file of the run.
+    fn stored(&self, run: &Path) -> Self {
+        Self { online: self.online.stored(run), ..self.clone() }
+    }
 }
 
 /// A run's folder on disk.
@@ -102,12 +107,12 @@ impl Folder {
             return Err(other(path, "agent", "dreamer", &options.system));
         }
         if let Some(found) = Self::open(path)?
-            && let Some((key, found, asked)) = options.first_difference(&found.options)
+            && let Some((key, found, asked)) = options.stored(path).first_difference(&found.options.stored(path))
         {
             return Err(other(path, &key, &found, &asked));
         }
         fs::create_dir_all(path.join("checkpoints")).map_err(io("create", path))?;
-        write_json(&folder.model_free_path(), &options)?;
+        write_json(&folder.model_free_path(), &options.stored(path))?;
         Ok(Self { folder, options, _lock: lock })
     }
 
@@ -128,7 +133,8 @@ impl Folder {
         if options.format != FORMAT {
             return Err(malformed(&file, format!("format {}", options.format), "this program reads it of version 1"));
         }
-        Ok(Some(Self { folder, options, _lock: None }))
+        let online = OnlineOptions { world: options.online.world.found(path), ..options.online };
+        Ok(Some(Self { folder, options: ModelFreeOptions { online, ..options }, _lock: None }))
     }
 
     /// The folder.

@@ -77,7 +77,7 @@ fn differences(rest: &mut &[u8], most: usize) -> Option<()> {
     let all = rest.len();
     let (block, parts, count) = (number(rest)?, number(rest)?, number(rest)?);
     let part = block.checked_div(parts)?;
-    let fits = count <= most && count <= TIGHTEST.checked_mul(all)? && parts <= all && part > 0;
+    let fits = count <= most && count <= TIGHTEST.checked_mul(all)? && part > 0;
     number(rest).filter(|_| fits)?;
     let mut left = count.saturating_sub(1);
     while left > 0 {
