@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 use vibes_data::BackgroundFrame;
 
 pub use difference::picture_difference;
-pub use egl::{on_one_display, visiting};
+pub use egl::{on_one_display, visiting, without_rasteriser_threads};
 pub use scene::{CameraProbe, camera_start, material_colors, material_names, undistracted};
 pub use speed::{Speed, SpeedTrial, StageTimes};
 

@@ -43,7 +43,7 @@ static OPENED: OnceLock<std::result::Result<Shared, String>> = OnceLock::new();
 
 fn shared() -> Result<&'static Shared> {
     let open = || {
-        draw_without_rasteriser_threads();
+        without_rasteriser_threads();
         open("libEGL.so.1")
     };
     OPENED.get_or_init(open).as_ref().map_err(|fact| refused(fact))
@@ -58,11 +58,13 @@ fn refused(fact: &str) -> Error {
     Error::NoEgl { fact }
 }
 
-/// See the module.
-fn draw_without_rasteriser_threads() {
+/// Lets Mesa's software renderer draw on the thread that asks for it alone, unless the user says otherwise; the module says why.
+///
+/// Call it first in `main`, while no other thread can read the environment. Opening EGL does the same, for programs that do not.
+pub fn without_rasteriser_threads() {
     if std::env::var_os(RASTERISERS).is_none() {
-        // SAFETY: Rust's own readers of the environment share a lock with this call. A C library that reads it at this very moment on another
-        // thread would race; nothing here does before EGL, which is not loaded yet.
+        // SAFETY: Rust's own readers of the environment share a lock with this call. Where it is not the first thing in `main`, a C library that
+        // reads the environment at this very moment on another thread would race; nothing here does before EGL, which is not loaded yet.
         unsafe { std::env::set_var(RASTERISERS, "0") };
     }
 }
