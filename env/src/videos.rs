@@ -102,9 +102,10 @@ impl VideoSource {
             let [all, other] = [self.list(sets[0], None)?, self.list(sets[1], None)?];
             if all == other {
                 let each = count.unwrap_or(all.len() / 2).max(1);
-                return match all.get(each..2 * each) {
+                let wanted = each.saturating_mul(2);
+                return match all.get(each..wanted) {
                     Some(held_out) => Ok([all[..each].to_vec(), held_out.to_vec()]),
-                    None => Err(Error::TooFewVideos { found: all.len(), wanted: 2 * each, path: self.path() }),
+                    None => Err(Error::TooFewVideos { found: all.len(), wanted, path: self.path() }),
                 };
             }
         }

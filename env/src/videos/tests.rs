@@ -104,6 +104,7 @@ fn what_is_held_out_is_never_trained_under() {
     assert_eq!(source.lists(Some(2)).unwrap(), [vec!["a", "b"], vec!["c", "d"]]);
     assert_eq!(source.lists(None).unwrap(), [vec!["a", "b"], vec!["c", "d"]]);
     assert!(source.lists(Some(3)).unwrap_err().to_string().contains("5 videos; 6 are needed"));
+    assert!(source.lists(Some(usize::MAX)).is_err());
     for name in ["bear", "blackswan"] {
         write_video(folder.path(), name, 1);
     }
