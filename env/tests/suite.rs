@@ -134,7 +134,6 @@ fn a_task_says_everything_itself() {
     }
 }
 
-/// With its task's own settings the planner acts, and keeps to the bounds.
 /// So that what was trained on one name goes on with recordings of the other.
 #[test]
 fn a_swimmer_has_one_name() {
@@ -142,6 +141,7 @@ fn a_swimmer_has_one_name() {
     assert!(tasks().into_iter().all(|task| environment(task).name() == task));
 }
 
+/// With its task's own settings the planner acts, and keeps to the bounds.
 #[test]
 fn the_planner_acts_on_every_task() {
     for task in tasks() {

@@ -17,7 +17,7 @@ use std::io::Read;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use polars::prelude::{Column, DataFrame, PolarsError, Series};
+use polars::prelude::{Column, DataFrame, Series};
 
 use super::InputError;
 
@@ -125,7 +125,7 @@ pub(super) fn not_a_table(path: &Path, fact: impl Into<String>) -> InputError {
 }
 
 /// A foreign reader's refusal.
-fn damaged(path: &Path, error: &PolarsError) -> InputError {
+fn damaged(path: &Path, error: &impl ToString) -> InputError {
     let text = error.to_string();
     not_a_table(path, format!("a damaged or unsuitable file ({})", text.lines().next().unwrap_or_default()))
 }

@@ -24,7 +24,7 @@ use polars::prelude::Series;
 use polars_arrow::array::Array;
 
 use super::plain::series;
-use super::{InputError, arrow, not_a_table};
+use super::{InputError, arrow, damaged, not_a_table};
 
 /// Rows that are decoded at a time.
 const BATCH: usize = 8192;
@@ -51,10 +51,6 @@ fn open(path: &Path) -> Result<(File, ArrowReaderMetadata), InputError> {
     Ok((file, metadata))
 }
 
-fn damaged(path: &Path, error: &ParquetError) -> InputError {
-    not_a_table(path, format!("a damaged or unsuitable file ({error})"))
-}
-
 fn column(path: &Path, file: &File, metadata: &ArrowReaderMetadata, name: &str) -> Result<Series, InputError> {
     let fault = |error| damaged(path, &error);
     let Some((place, field)) = metadata.schema().fields().find(name) else {
@@ -78,11 +74,11 @@ fn arrays(
     schema: &Schema,
     batches: impl IntoIterator<Item = Result<RecordBatch, ArrowError>>,
 ) -> Result<Vec<Box<dyn Array>>, InputError> {
-    let written = || {
+    let written = || -> Result<_, ArrowError> {
         let mut writer = StreamWriter::try_new(Vec::new(), schema)?;
         batches.into_iter().try_for_each(|batch| writer.write(&batch?))?;
         writer.into_inner()
     };
-    let bytes = written().map_err(|error: ArrowError| damaged(path, &error.into()))?;
+    let bytes = written().map_err(|error| damaged(path, &ParquetError::from(error)))?;
     arrow::only_column(path, &bytes)
 }
