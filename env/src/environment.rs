@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use vibes_data::{ActionSpec, ObservationPart, Quantity};
 
 use crate::distractors::Scenery;
-use crate::physics::{Physics, Snapshot, Start};
+use crate::physics::{Physics, PhysicsSnapshot, Start};
 use crate::tasks::{Actuation, EPISODE_CONTROL_STEPS, Loaded, PlannerSettings, Task, load, symmetric_tasks};
 use crate::{Error, Result};
 
@@ -33,6 +33,15 @@ pub struct Environment {
     planner: PlannerSettings,
     scenery: Scenery,
     control: Vec<f64>,
+    /// Where the swimmer's wave stands, radians; 0 for other tasks.
+    phase: f64,
+}
+
+/// An episode in the middle, to be gone on with from there bit for bit.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Snapshot {
+    physics: PhysicsSnapshot,
+    phase: f64,
 }
 
 impl Environment {
@@ -43,7 +52,7 @@ impl Environment {
         let Loaded { name, physics, task, physics_steps, planner, scenery, .. } = loaded;
         let action_repeat = options.action_repeat.unwrap_or(action_repeat).max(1);
         let control = vec![0.0; physics.control().len()];
-        Ok(Self { name, physics, task, actuation, physics_steps, action_repeat, planner, scenery, control })
+        Ok(Self { name, physics, task, actuation, physics_steps, action_repeat, planner, scenery, control, phase: 0.0 })
     }
 
     /// The task's one name.
@@ -155,6 +164,7 @@ impl Environment {
         self.check("act", &start.act, data.act().len())?;
         self.physics.set_overrides(&self.task.constants().with(&start.model_overrides))?;
         self.physics.reset();
+        self.phase = 0.0;
         self.physics.set_state(&start.qpos, &start.qvel, &start.act, start.time);
         self.physics.forward_without_actuation();
         Ok(())
@@ -176,10 +186,7 @@ impl Environment {
         self.check("an action", action, self.action_len())?;
         match &self.actuation {
             Actuation::Direct => self.control.copy_from_slice(action),
-            Actuation::Sinusoid(wave) => {
-                let steps = (self.physics.time() / self.control_timestep()).round();
-                wave.torques(action, steps, &mut self.control);
-            }
+            Actuation::Sinusoid(wave) => self.phase = wave.torques(action, self.phase, &mut self.control),
         }
         if self.physics.step(&self.control, self.physics_steps) {
             return Ok(self.task.reward(&self.physics));
@@ -204,12 +211,14 @@ impl Environment {
 
     /// Saves the simulation in the middle of an episode; [`Self::restore`] goes on from there bit for bit.
     pub fn save(&self, snapshot: &mut Snapshot) {
-        self.physics.save(snapshot);
+        self.physics.save(&mut snapshot.physics);
+        snapshot.phase = self.phase;
     }
 
     /// Goes back to a snapshot of the same episode (the model overrides are not part of it).
     pub fn restore(&mut self, snapshot: &Snapshot) {
-        self.physics.restore(snapshot);
+        self.physics.restore(&snapshot.physics);
+        self.phase = snapshot.phase;
     }
 
     /// Numbers in an action.

@@ -20,12 +20,12 @@ mod seeds;
 mod tasks;
 pub mod videos;
 
-pub use environment::{Environment, EnvironmentOptions};
+pub use environment::{Environment, EnvironmentOptions, Snapshot};
 pub use error::{Error, Result};
 pub use eyes::Eyes;
 pub use gaussian::standard_normal;
 pub use heading::Heading;
-pub use physics::{ModelOverrides, Physics, Snapshot, Start};
+pub use physics::{ModelOverrides, Physics, PhysicsSnapshot, Start};
 pub use policies::{Chosen, Planner, Policy, PolicyMix, PolicySpec, Random, Replay, Sight, SingleRandom, Trained};
 pub use rollout::{EpisodeSeeds, Playing, StateTrajectory, rollout, rollout_frames};
 pub use seeds::{ChosenSeeds, distractor_seed, state_seed};

@@ -15,7 +15,7 @@ use mujoco_rs::prelude::{MjData, MjLogMessage, MjModel, MjtLogLevel, MjtObjBase,
 
 pub(crate) use models::suite_xml;
 pub use overrides::ModelOverrides;
-pub use snapshot::Snapshot;
+pub use snapshot::PhysicsSnapshot;
 pub use start::Start;
 
 use crate::{Error, Result};

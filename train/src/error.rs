@@ -99,6 +99,16 @@ pub enum TrainError {
         /// The run folder.
         path: PathBuf,
     },
+    /// The checkpoint to go on from cannot be read.
+    #[error("{cause}; {}: {}", remedy(*before), path.display())]
+    DamagedCheckpoint {
+        /// What is wrong with it.
+        cause: Box<Self>,
+        /// The updates of the one before it, if there is one.
+        before: Option<u64>,
+        /// The checkpoint's folder.
+        path: PathBuf,
+    },
     /// The training has left the numbers.
     #[error("update {update} diverged: {what} is {value}; the last good checkpoint is kept; try {remedy}: {}", run.display())]
     Diverged {
@@ -162,4 +172,12 @@ pub(crate) fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Erro
 /// A file of this program's own making that cannot be understood.
 pub(crate) fn malformed(path: &Path, fact: impl std::fmt::Display, wanted: &str) -> TrainError {
     TrainError::Malformed { fact: fact.to_string(), wanted: wanted.to_owned(), path: path.to_owned() }
+}
+
+/// What to do about a damaged checkpoint.
+fn remedy(before: Option<u64>) -> String {
+    match before {
+        Some(update) => format!("to go on from the checkpoint before it, of update {update}, take this one away"),
+        None => "there is no other checkpoint to go on from; begin again with another -o".to_owned(),
+    }
 }

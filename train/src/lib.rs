@@ -21,6 +21,7 @@
 
 pub mod batch;
 pub mod bench;
+pub mod checkpoints;
 pub mod decode;
 pub mod encode;
 pub mod error;

@@ -31,6 +31,7 @@ use vibes_model::checkpoint::{load_tensors, save_tensors};
 use vibes_model::parameters::{HostTensors, read_parameters};
 use vibes_model::{HeadConfig, Model, ModelConfig};
 
+use crate::checkpoints;
 use crate::error::{Result, TrainError, io, malformed};
 use crate::gate::Gate;
 use crate::json::write_json;
@@ -82,6 +83,7 @@ impl Run {
             run.write_info()?;
             return Ok(run);
         }
+        checkpoints::recover(&folder)?;
         let found = Self::open(path)?;
         let other = |key: &str, found: String, asked: String| TrainError::OtherRun {
             key: key.to_owned(),
@@ -198,22 +200,14 @@ impl Run {
     /// # Errors
     /// The folder cannot be written.
     pub fn save(&self, learner: &Learner, state: State, more: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
-        let (place, partial) = (self.checkpoint_path(state.update), self.path().join("checkpoints/.partial"));
-        if partial.exists() {
-            fs::remove_dir_all(&partial).map_err(io("remove", &partial))?;
-        }
-        fs::create_dir_all(&partial).map_err(io("create", &partial))?;
-        learner.model.save(&partial.join("model.safetensors"))?;
-        let mut moments = learner.optimizer.to_tensors("world");
-        moments.extend(learner.adversary_optimizer.to_tensors("adversary"));
-        save_tensors(&partial.join("optimizer.safetensors"), &moments, HashMap::new())?;
-        write_json(&partial.join("state.json"), &state)?;
-        more(&partial)?;
-        if place.exists() {
-            fs::remove_dir_all(&place).map_err(io("remove", &place))?;
-        }
-        fs::rename(&partial, &place).map_err(io("rename", &place))?;
-        self.let_go()
+        checkpoints::put(&self.folder, state.update, self.info.options.keep, |folder| {
+            learner.model.save(&folder.join("model.safetensors"))?;
+            let mut moments = learner.optimizer.to_tensors("world");
+            moments.extend(learner.adversary_optimizer.to_tensors("adversary"));
+            save_tensors(&folder.join("optimizer.safetensors"), &moments, HashMap::new())?;
+            write_json(&folder.join("state.json"), &state)?;
+            more(folder)
+        })
     }
 
     /// The learner of the newest checkpoint and where it stood; none if nothing was saved yet. A [kept](crate::keep) checkpoint has no moments: Adam begins anew.
@@ -221,13 +215,13 @@ impl Run {
     /// # Errors
     /// A file is missing or damaged.
     pub fn resume(&self, device: &Device) -> Result<Option<(Learner, State)>> {
-        let Some(newest) = self.checkpoints().last().copied() else { return Ok(None) };
-        let folder = self.checkpoint_path(newest);
-        let model = Model::load(&folder.join("model.safetensors"), device)?;
-        let state = read_state(&folder.join("state.json"))?;
-        let mut learner = Learner::new(model, &self.info.options, device);
-        restore_moments(&mut learner, &folder, state, device)?;
-        Ok(Some((learner, state)))
+        checkpoints::newest(&self.folder, |folder| {
+            let model = Model::load(&folder.join("model.safetensors"), device)?;
+            let state = read_state(&folder.join("state.json"))?;
+            let mut learner = Learner::new(model, &self.info.options, device);
+            restore_moments(&mut learner, folder, state, device)?;
+            Ok((learner, state))
+        })
     }
 
     /// What another run begins with that goes on from this one's newest checkpoint under `options`: weights, moments of both optimisers, gate, and how far its
@@ -265,16 +259,6 @@ impl Run {
             }
             other => other,
         }
-    }
-
-    fn let_go(&self) -> Result<()> {
-        let numbers = self.checkpoints();
-        let surplus = numbers.len().saturating_sub(self.info.options.keep);
-        for number in &numbers[..surplus] {
-            let folder = self.checkpoint_path(*number);
-            fs::remove_dir_all(&folder).map_err(io("remove", &folder))?;
-        }
-        Ok(())
     }
 
     fn write_info(&self) -> Result<()> {

@@ -10,8 +10,8 @@
 use rand::{Rng, RngCore};
 
 use super::{Policy, Sight};
+use crate::environment::Snapshot;
 use crate::gaussian::standard_normal;
-use crate::physics::Snapshot;
 use crate::tasks::PlannerSettings;
 use crate::{Environment, EnvironmentOptions, Result, Start};
 

@@ -11,6 +11,7 @@ use vibes_model::checkpoint::{load_tensors, save_tensors};
 use vibes_model::guard::Guard;
 use vibes_model::returns::ReturnScale;
 
+use crate::checkpoints;
 use crate::error::{Result, TrainError, io, malformed};
 use crate::json::write_json;
 use crate::learners::behaviour::BehaviourLearner;
@@ -82,8 +83,10 @@ pub(super) fn save_behaviour(folder: &Path, learner: &BehaviourLearner, state: O
 /// [`TrainError`]: a file is missing or damaged, or the folder is a kept copy without moments.
 pub(super) fn resume(run: &Run, device: &Device) -> Result<Option<Resumed>> {
     let Some((learner, world)) = run.resume(device)? else { return Ok(None) };
-    let Some(newest) = run.checkpoints().last().copied() else { return Ok(None) };
-    let folder = run.checkpoint_path(newest);
+    checkpoints::newest(run.places(), |folder| take_up(run, learner, world, folder, device))
+}
+
+fn take_up(run: &Run, learner: Learner, world: State, folder: &Path, device: &Device) -> Result<Resumed> {
     let file = folder.join(STATE);
     let text = std::fs::read_to_string(&file).map_err(io("read", &file))?;
     let online: OnlineState = serde_json::from_str(&text)
@@ -102,5 +105,5 @@ pub(super) fn resume(run: &Run, device: &Device) -> Result<Option<Resumed>> {
         guard.optimizer.restore("guard", &moments, online.guard_steps, device);
     }
     behaviour.scale = online.scale;
-    Ok(Some(Resumed { learner, behaviour, world, online }))
+    Ok(Resumed { learner, behaviour, world, online })
 }

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use vibes_data::{FolderLock, Recording, RunFolder};
 
 use super::State;
+use crate::checkpoints;
 use crate::error::{Result, TrainError, io, malformed};
 use crate::json::write_json;
 use crate::learners::model_free::{AgentOptions, ModelFreeLearner, picture};
@@ -106,6 +107,7 @@ impl Folder {
         if folder.info_path().exists() {
             return Err(other(path, "agent", "dreamer", &options.system));
         }
+        checkpoints::recover(&folder)?;
         if let Some(found) = Self::open(path)?
             && let Some((key, found, asked)) = options.stored(path).first_difference(&found.options.stored(path))
         {
@@ -166,21 +168,10 @@ impl Folder {
     /// # Errors
     /// A weight is no number, or the folder cannot be written.
     pub fn save(&self, learner: &ModelFreeLearner, state: State) -> Result<()> {
-        let (place, partial) = (self.folder.checkpoint_path(state.update), self.path().join("checkpoints/.partial"));
-        if partial.exists() {
-            fs::remove_dir_all(&partial).map_err(io("remove", &partial))?;
-        }
-        fs::create_dir_all(&partial).map_err(io("create", &partial))?;
-        learner.save(&partial).map_err(|error| self.diverged(error, state.update))?;
-        write_json(&partial.join(STATE), &state)?;
-        if place.exists() {
-            fs::remove_dir_all(&place).map_err(io("remove", &place))?;
-        }
-        fs::rename(&partial, &place).map_err(io("rename", &place))?;
-        let found = self.folder.checkpoint_folders();
-        for (_, old) in &found[..found.len().saturating_sub(KEEP)] {
-            fs::remove_dir_all(old).map_err(io("remove", old))?;
-        }
+        checkpoints::put(&self.folder, state.update, KEEP, |folder| {
+            learner.save(folder).map_err(|error| self.diverged(error, state.update))?;
+            write_json(&folder.join(STATE), &state)
+        })?;
         write_model_free_summary(self.places())
     }
 
@@ -189,12 +180,13 @@ impl Folder {
     /// # Errors
     /// A file is missing or damaged.
     pub fn resume(&self, device: &Device) -> Result<Option<(ModelFreeLearner, State)>> {
-        let Some((_, newest)) = self.folder.checkpoint_folders().pop() else { return Ok(None) };
-        let file = newest.join(STATE);
-        let text = fs::read_to_string(&file).map_err(io("read", &file))?;
-        let state = serde_json::from_str(&text)
-            .map_err(|error| malformed(&file, error, "a state.json as `vibes-train` writes it"))?;
-        Ok(Some((ModelFreeLearner::load(&newest, device)?, state)))
+        checkpoints::newest(&self.folder, |folder| {
+            let file = folder.join(STATE);
+            let text = fs::read_to_string(&file).map_err(io("read", &file))?;
+            let state = serde_json::from_str(&text)
+                .map_err(|error| malformed(&file, error, "a state.json as `vibes-train` writes it"))?;
+            Ok((ModelFreeLearner::load(folder, device)?, state))
+        })
     }
 
     /// A number that is none, said with the update it was met in and where to go on; other errors as they are.
