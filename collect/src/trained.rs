@@ -6,8 +6,10 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use vibes_data::RunFolder;
+use vibes_data::{RunFolder, find_place};
+use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::{Look, RenderSettings};
+use vibes_env::videos::VideoSource;
 use vibes_env::{EnvironmentOptions, Error as WorldError, Policy, PolicySpec, Trained};
 use vibes_model::ObservationKind;
 use vibes_model::actions::Choice;
@@ -53,6 +55,12 @@ pub struct Home {
     pub task: Option<String>,
     /// Control steps an action was held.
     pub action_repeat: Option<u32>,
+    /// Its distractors.
+    pub distractors: Option<DistractorSettings>,
+    /// Where its background videos come from.
+    pub videos: Option<VideoSource>,
+    /// How many of a set there are, if it was asked for.
+    pub video_count: Option<usize>,
     /// How its pictures were drawn.
     look: Look,
 }
@@ -64,7 +72,17 @@ pub fn home(run: &Path) -> Home {
     let read = || serde_json::from_str(&std::fs::read_to_string(run.join("online.json")).ok()?).ok();
     let online: serde_json::Value = online.or_else(read).unwrap_or_default();
     let world = &online["world"];
+    let videos = serde_json::from_value(world["videos"].clone()).ok().map(|videos| match videos {
+        VideoSource::Folder(place) => {
+            let found = find_place(&place.to_string_lossy(), run, Path::is_dir);
+            VideoSource::Folder(found.unwrap_or_else(|| run.join(place)))
+        }
+        VideoSource::Procedural => VideoSource::Procedural,
+    });
     Home {
+        distractors: serde_json::from_value(world["distractors"].clone()).ok(),
+        videos,
+        video_count: world["video_count"].as_u64().and_then(|count| usize::try_from(count).ok()),
         task: info.as_ref().and_then(|info| info.task()).map(str::to_owned),
         action_repeat: world["action_repeat"].as_u64().and_then(|repeat| u32::try_from(repeat).ok()),
         look: serde_json::from_value(world["look"].clone()).unwrap_or_default(),
@@ -107,4 +125,30 @@ fn load(path: &Path, task: &str) -> Result<(Box<dyn Policy>, ActedBy)> {
         player.act(is_first, sight.pixels, sight.observation, &mut rng).map_err(Into::into)
     });
     Ok((Box::new(policy), acted_by))
+}
+
+#[cfg(test)]
+mod tests {
+    use vibes_env::distractors::{Axes, Difficulty};
+
+    use super::*;
+
+    #[test]
+    fn a_run_is_recorded_in_the_world_that_it_was_trained_in() {
+        let folder = tempfile::tempdir().unwrap();
+        let (run, videos) = (folder.path().join("runs/own"), folder.path().join("films"));
+        std::fs::create_dir_all(&run).unwrap();
+        std::fs::create_dir_all(&videos).unwrap();
+        let settings = DistractorSettings { axes: Axes::NONE, difficulty: Difficulty::Hard, dynamic: false };
+        let world = serde_json::json!({
+            "action_repeat": 3, "distractors": settings, "videos": { "folder": "../../films" }, "video_count": 7, "look": "suite",
+        });
+        std::fs::write(run.join("online.json"), serde_json::json!({ "world": world }).to_string()).unwrap();
+        let found = home(&run);
+        assert_eq!((found.action_repeat, found.distractors, found.video_count), (Some(3), Some(settings), Some(7)));
+        let Some(VideoSource::Folder(place)) = found.videos else { panic!("{:?}", found.videos) };
+        assert_eq!(place.canonicalize().unwrap(), videos.canonicalize().unwrap());
+        assert_eq!(found.look, Look::Suite);
+        assert_eq!(home(folder.path()), Home::default(), "no run");
+    }
 }

@@ -112,6 +112,18 @@ impl VideoSource {
         Ok([self.list(sets[0], count)?, self.list(sets[1], count)?])
     }
 
+    /// One of the two [lists](VideoSource::lists). The first `count` of a folder of one's own may be all that it holds, as long as none are held out.
+    ///
+    /// # Errors
+    /// As [`VideoSource::list`].
+    pub fn part(&self, set: VideoSet, count: Option<usize>) -> Result<Vec<String>> {
+        if set == VideoSet::Train && count.is_some() {
+            return self.list(set, count);
+        }
+        let [train, val] = self.lists(count)?;
+        Ok(if set == VideoSet::Train { train } else { val })
+    }
+
     fn path(&self) -> PathBuf {
         match self {
             Self::Procedural => PathBuf::from("procedural videos"),

@@ -46,8 +46,9 @@ impl Chosen {
     }
 }
 
-/// At most `most` of the episodes, evenly spread over the list, with their numbers among them. `actions` gives all actions of the episode at a place of the
-/// list; it is asked only where the episodes are of several recordings. Those of one recording keep their numbers.
+/// At most `most` of the episodes, with their numbers among them: evenly spread over the list, and of several recordings as many state trajectories as there can be,
+/// before a second view of any. `actions` gives all actions of the episode at a place of the list; it is asked only where the episodes are of several recordings.
+/// Those of one recording keep their numbers.
 ///
 /// # Errors
 /// What `actions` fails with.
@@ -56,17 +57,43 @@ pub fn chosen<E>(
     most: usize,
     mut actions: impl FnMut(usize) -> Result<Vec<f32>, E>,
 ) -> Result<Vec<Chosen>, E> {
-    let every = all.len().div_ceil(most.max(1)).max(1);
-    let mut chosen: Vec<Chosen> = (0..all.len()).step_by(every).map(|place| as_recorded(all, place)).collect();
-    if chosen.iter().all(|one| all[one.place].recording == all[0].recording) {
-        return Ok(chosen);
+    if all.iter().all(|one| one.recording == all[0].recording) {
+        let every = all.len().div_ceil(most.max(1)).max(1);
+        return Ok((0..all.len()).step_by(every).map(|place| as_recorded(all, place)).collect());
     }
+    let taken = (0..all.len()).map(&mut actions).collect::<Result<Vec<_>, E>>()?;
+    let states = views(&taken);
+    let places = spread(states.as_deref(), all.len(), most);
+    let mut chosen: Vec<Chosen> = places.iter().map(|&place| as_recorded(all, place)).collect();
     number_anew(all, &mut chosen);
-    let taken = chosen.iter().map(|one| actions(one.place)).collect::<Result<Vec<_>, E>>()?;
-    for (one, state) in chosen.iter_mut().zip(views(&taken).into_iter().flatten()) {
-        (one.state, one.distractor) = (Some(state), Some(one.episode));
+    for one in &mut chosen {
+        if let Some(states) = &states {
+            (one.state, one.distractor) = (Some(states[one.place]), Some(one.episode));
+        }
     }
     Ok(chosen)
+}
+
+/// At most `most` of the places of a list, ascending: one of every state trajectory before a second of any, the views in turn, and evenly spread where not all of a round
+/// are taken. Where `states` says nothing, every place is a trajectory of its own.
+fn spread(states: Option<&[u32]>, len: usize, most: usize) -> Vec<usize> {
+    let mut of_state: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    for place in 0..len {
+        of_state.entry(states.map_or(place as u32, |states| states[place])).or_default().push(place);
+    }
+    let mut places = Vec::new();
+    for round in 0.. {
+        let left = most.max(1) - places.len();
+        let view = |(at, views): (usize, &Vec<usize>)| (round < views.len()).then(|| views[(at + round) % views.len()]);
+        let next: Vec<usize> = of_state.values().enumerate().filter_map(view).collect();
+        let taken = next.len().min(left);
+        places.extend((0..taken).map(|at| next[at * next.len() / taken]));
+        if taken < next.len() || next.is_empty() || places.len() == most.max(1) {
+            break;
+        }
+    }
+    places.sort_unstable();
+    places
 }
 
 fn as_recorded(all: &[Episode], place: usize) -> Chosen {
@@ -138,6 +165,28 @@ mod tests {
         let states: Vec<Option<u32>> = found.iter().map(|one| one.state).collect();
         assert_eq!(states[..8], [Some(0), Some(1), Some(2), Some(3), Some(0), Some(1), Some(2), Some(3)]);
         assert!(found.iter().all(|one| one.distractor == Some(one.episode)));
+    }
+
+    /// Every so-manieth of a list of views is a view of the same few trajectories, where their number and the stride share a divisor.
+    #[test]
+    fn there_are_as_many_trajectories_as_there_can_be() {
+        let all: Vec<Episode> = (0..3).flat_map(|view| (0..12).map(move |index| episode(view, index, None))).collect();
+        let count = |most| {
+            let found = choose(&all, most, |one| one.index as f32);
+            let states: std::collections::BTreeSet<Option<u32>> = found.iter().map(|one| one.state).collect();
+            let recordings: std::collections::BTreeSet<usize> =
+                found.iter().map(|one| all[one.place].recording).collect();
+            (found.len(), states.len(), recordings.len())
+        };
+        assert_eq!(count(9), (9, 9, 3));
+        assert_eq!(count(12), (12, 12, 3));
+        assert_eq!(count(20), (20, 12, 3));
+        assert_eq!(count(usize::MAX), (36, 12, 3));
+        // A recording of other trajectories has its share.
+        let more: Vec<Episode> =
+            all.iter().copied().chain((0..40).map(|index| episode(3, 100 + index, None))).collect();
+        let found = choose(&more, 26, |one| one.index as f32);
+        assert_eq!(found.iter().filter(|one| all.get(one.place).is_none()).count(), 20, "40 of 52 trajectories");
     }
 
     #[test]

@@ -44,9 +44,11 @@ fn every_kept_run_encodes_its_task_and_acts_if_it_can() {
         let policy = if acts { path } else { "random" };
         let recording = format!("recordings/{name}");
         let mut record = vec!["vibes-collect", "--task", task, "--policy", policy, "--episodes", "1", "--steps", "12"];
-        record.extend(["--video-set", "val", "--video-count", "1", "--no-mcap", "--json", "-o", &recording]);
+        record.extend(["--no-mcap", "--json", "-o", &recording]);
         if model["observation"]["kind"] == "vector" {
             record.extend(["--no-pixels", "--distract", "none"]);
+        } else {
+            record.extend(["--video-set", "val", "--video-count", "1"]);
         }
         let said = json(folder, &record);
         assert_eq!(said["returns"].as_array().unwrap().len(), 1, "{name}: {said}");

@@ -31,7 +31,11 @@ pub fn put(folder: &RunFolder, update: u64, keep: usize, write: impl FnOnce(&Pat
     rename(&partial, &place)?;
     remove(&aside)?;
     let found = folder.checkpoint_folders();
-    found[..found.len().saturating_sub(keep)].iter().try_for_each(|(_, oldest)| remove(oldest))
+    found[..found.len().saturating_sub(keep)].iter().try_for_each(|(_, oldest)| {
+        // Not under its number, where a kill would leave half of it.
+        rename(oldest, &partial)?;
+        remove(&partial)
+    })
 }
 
 /// Puts a checkpoint back that was aside when the process was killed, unless the newer one had come to its place. For the process that owns the folder.

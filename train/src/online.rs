@@ -60,7 +60,7 @@ use options::OnlineOptions;
 const CALIBRATION_WINDOWS: usize = 64;
 /// The updates before the first episode with the actor are saved, and can be stopped, after every so many.
 const FIRST_UPDATES_BETWEEN_SAVES: u64 = 100;
-/// Longest time between checkpoints, so that a kill never costs more than two minutes.
+/// Time between checkpoints that a round is not begun to end beyond, unless it is longer by itself, so that a kill hardly ever costs more than two minutes.
 const BETWEEN_SAVES: Duration = Duration::from_secs(100);
 
 /// What the loop tells its listener.
@@ -82,6 +82,8 @@ pub enum Event<'a> {
     Update,
     /// A line of metrics was written.
     Metrics(&'a Line),
+    /// An episode of an evaluation was lived through.
+    Judged,
     /// The actor was evaluated.
     Evaluated(&'a Evaluation),
     /// A checkpoint was saved.
@@ -125,18 +127,18 @@ fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'
     if state.is_finished && is_over {
         return Ok(End::Nothing);
     }
-    state.is_finished = false;
+    let was_finished = std::mem::replace(&mut state.is_finished, false);
     // Evaluations may have been asked for more often since then.
     state.next_evaluation = state.next_evaluation.min(options.next_evaluation(state.control_steps));
     let sizes =
         ReplayOptions { length: model_options.length, batch: model_options.batch, given_share: options.given_share };
     let replay = Replay::open(&place, manifest, state.episodes, given, sizes)?;
     listen(Event::Start { control_steps: state.control_steps });
-    evaluate::drop_beyond(&run.evaluations_path(), state.next_evaluation)?;
+    evaluate::drop_beyond(&run.evaluations_path(), state.next_evaluation, state.control_steps, was_finished)?;
     let session = Session::open(run, device, world_state, true)?;
     std::thread::scope(|scope| {
         let acting = ActorThread::living(live, scope, &options.world, libraries, replay.writer());
-        let mut training = Training { setup, acting, session, state, replay, saved: Instant::now() };
+        let mut training = Training { setup, acting, session, state, replay, saved: Instant::now(), is_saved: true };
         let end = training.begin_and_run(resumed, listen);
         if end.is_err() {
             // What was lived through is listed in the recording, whatever ended the run; what ended it is what is told.
@@ -157,6 +159,8 @@ struct Training<'a> {
     replay: Replay,
     /// When the last checkpoint was saved.
     saved: Instant,
+    /// Whether nothing was learned or admitted since.
+    is_saved: bool,
 }
 
 impl Training<'_> {
@@ -194,7 +198,7 @@ impl Training<'_> {
         if !self.is_last() && self.evaluate(&learners, listen)? == Go::Stop {
             return Ok(End::Stopped);
         }
-        while self.state.updates < self.setup.options.first_updates {
+        while self.state.updates < self.setup.options.first_updates && !self.session.is_out_of_time() {
             let (next, go) = self.first_updates(learners, listen)?;
             learners = next;
             if go == Go::Stop {
@@ -228,6 +232,7 @@ impl Training<'_> {
         let until = (self.state.updates / FIRST_UPDATES_BETWEEN_SAVES + 1) * FIRST_UPDATES_BETWEEN_SAVES;
         let count = until.min(self.setup.options.first_updates) - self.state.updates;
         let (learners, round, go) = self.updates(learners, count, listen)?;
+        self.is_saved = false;
         let line = self.line(&round, Time::NONE);
         self.session.log(&line)?;
         let go = go.or(listen(Event::Metrics(&line)));
@@ -248,6 +253,7 @@ impl Training<'_> {
         let lived = self.acting.outcome()?;
         let waited = waiting.elapsed().as_secs_f64();
         self.admit(lived.steps)?;
+        self.is_saved = false;
         let model = &self.setup.run.info().options;
         self.state.credit += f64::from(lived.steps) * self.setup.options.updates_per_step(model.length * model.batch);
         let seconds = begun.elapsed().as_secs_f64();
@@ -259,7 +265,8 @@ impl Training<'_> {
             self.session.log(&line)?;
             go = go.or(listen(Event::Metrics(&line)));
         }
-        if self.session.is_save_due() || self.saved.elapsed() > BETWEEN_SAVES || go == Go::Stop {
+        let after_another = self.saved.elapsed() + begun.elapsed();
+        if self.session.is_save_due() || after_another > BETWEEN_SAVES || go == Go::Stop {
             self.save(&learners, listen)?;
         }
         Ok((learners, go))
@@ -335,13 +342,16 @@ impl Training<'_> {
         })
     }
 
-    /// When it is due, and at the end; its time is not counted as training.
+    /// When it is due, and at the end; its time is not counted as training. What was learned before is saved first.
     fn evaluate(&mut self, learners: &Learners, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Go> {
         let options = self.setup.options;
         let is_last = self.is_last();
         let is_due = options.evaluate_every > 0 && self.state.control_steps >= self.state.next_evaluation;
         if !is_last && !is_due {
             return Ok(Go::On);
+        }
+        if !self.is_saved {
+            self.save(learners, listen)?;
         }
         let agent = self.agent(learners);
         let seed = self.setup.run.info().options.seed;
@@ -351,7 +361,11 @@ impl Training<'_> {
             agent_steps: self.state.agent_steps,
             episodes: self.state.episodes,
         };
-        let evaluation = evaluate::evaluate(&self.acting, &agent, options, counters, seed, is_last)?;
+        let seed = (seed, is_last);
+        let judged = &mut || listen(Event::Judged);
+        let Some(evaluation) = evaluate::evaluate(&self.acting, &agent, options, counters, seed, judged)? else {
+            return Ok(Go::Stop);
+        };
         self.session.evaluated(&evaluation)?;
         self.state.is_finished = is_last;
         self.state.next_evaluation = options.next_evaluation(self.state.control_steps);
@@ -371,7 +385,7 @@ impl Training<'_> {
         self.replay.complete()?;
         let state = self.state;
         self.session.save(learner, |folder| save_behaviour(folder, behaviour, state))?;
-        self.saved = Instant::now();
+        (self.saved, self.is_saved) = (Instant::now(), true);
         listen(Event::Saved { update: self.session.state.update });
         Ok(())
     }

@@ -155,7 +155,9 @@ impl Options {
         let actions = spec.action.min.len();
         let networks = self.objective.networks(self, actions);
         let of_terms = asked(self).filter_map(|term| term.head(self, actions));
-        let scale = if self.reward_scale > 0.0 { self.reward_scale } else { reward_std.max(1e-6) };
+        // Rewards that do not vary say nothing of their unit.
+        let of_rewards = if reward_std > 1e-6 { reward_std } else { 1.0 };
+        let scale = if self.reward_scale > 0.0 { self.reward_scale } else { of_rewards };
         ModelConfig {
             task: spec.task.clone(),
             observation,

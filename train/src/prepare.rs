@@ -32,6 +32,7 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
             return Err(TrainError::OtherRecording { found, wanted, path: other.path().to_owned() });
         }
     }
+    let options = &settled(options, from);
     let model = options.model(spec, observation, rewards_std(recordings)?);
     let model = match known_scale(path, from) {
         Some(known) => ModelConfig { reward_scale: known.reward_scale, reward_floor: known.reward_floor, ..model },
@@ -51,6 +52,16 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
         versions: versions(),
     };
     Run::create_or_open(path, info)
+}
+
+/// The options with the unit of reward as the run `from` has it: its model is gone on with.
+fn settled(options: &Options, from: Option<&Path>) -> Options {
+    let mut settled = options.clone();
+    if let Some(before) = from.and_then(|from| Run::open(from).ok()) {
+        let before = &before.info().options.settings;
+        (settled.settings.reward_scale, settled.settings.reward_floor) = (before.reward_scale, before.reward_floor);
+    }
+    settled
 }
 
 /// Standard deviation of all rewards of the recordings.

@@ -95,13 +95,13 @@ impl Replay {
 }
 
 impl Replay {
-    /// So many windows: the stated share from the given recordings, the rest from the own one.
+    /// So many windows: the stated share from the given recordings, on average where it is no whole number of windows, the rest from the own one.
     ///
     /// # Panics
     /// There is nothing to draw from, see [`Replay::is_empty`].
     pub fn draw(&self, batch: usize, rng: &mut impl Rng) -> WindowBatch {
         let Some(given) = &self.given else { return self.own.sample(batch, rng) };
-        let share = (batch as f64 * self.given_share).round() as usize;
+        let share = windows_of(batch as f64 * self.given_share, rng);
         let from_given = if self.own.windows() == 0 { batch } else { share.min(batch) };
         let mut parts = Vec::new();
         if from_given < batch {
@@ -112,6 +112,13 @@ impl Replay {
         }
         WindowBatch::side_by_side(parts)
     }
+}
+
+/// So many windows; on average, where that is no whole number.
+fn windows_of(share: f64, rng: &mut impl Rng) -> usize {
+    let part = share.fract();
+    // Nothing is drawn where there is nothing to decide.
+    share as usize + usize::from(part > 0.0 && rng.random::<f64>() < part)
 }
 
 impl Source for Replay {
@@ -133,4 +140,25 @@ impl Source for Replay {
 /// The disk is full, or the episode does not fit the recording.
 pub fn write(writer: &RecordingWriter, episode: &Episode, info: EpisodeInfo) -> Result<()> {
     writer.write(episode, info).map_err(TrainError::from)
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngCore, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    #[test]
+    fn a_share_of_a_batch_is_what_was_asked_for_on_average() {
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        for (share, batch) in [(0.7, 8), (0.05, 8), (0.33, 3)] {
+            let drawn: usize = (0..4000).map(|_| windows_of(share * f64::from(batch), &mut rng)).sum();
+            let found = drawn as f64 / f64::from(4000 * batch);
+            assert!((found - share).abs() < 0.01, "{found} instead of {share} of {batch}");
+        }
+        let (mut untouched, mut whole) = (ChaCha8Rng::seed_from_u64(1), ChaCha8Rng::seed_from_u64(1));
+        assert_eq!(windows_of(4.0, &mut whole), 4);
+        assert_eq!(whole.next_u64(), untouched.next_u64(), "half of 8 needs no chance");
+    }
 }

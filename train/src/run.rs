@@ -232,29 +232,35 @@ impl Run {
     /// Nothing was saved yet, or a file is damaged.
     pub fn carry_over(&self, options: &Options, wanted: &ModelConfig, device: &Device) -> Result<(Learner, State)> {
         let heads = Heads { before: &self.info.model.heads, after: &wanted.heads };
-        let (weights, _) = load_tensors(&self.newest_model()?)?;
-        let model = heads.carry(wanted.clone(), weights, &mut ChaCha8Rng::seed_from_u64(options.seed), device)?;
-        let newest = self.checkpoints().last().copied().unwrap_or(0);
-        let folder = self.checkpoint_path(newest);
-        let mut learner = Learner::new(model, options, device);
-        if !folder.join("state.json").exists() {
-            let gate = Gate { gain: 0.0, opened: Some(0) };
-            return Ok((learner, State { carried: newest, gate, ..State::default() }));
-        }
-        let before = read_state(&folder.join("state.json"))?;
-        let file = folder.join("optimizer.safetensors");
-        if file.exists() {
-            let (moments, _) = load_tensors(&file)?;
-            restore(&mut learner, &heads.renamed(moments), before, device);
-        }
-        Ok((learner, State { update: 0, seconds: 0.0, carried: before.carried + before.update, ..before }))
+        let made = self.checkpoints().last().copied().unwrap_or(0);
+        let carried = checkpoints::newest(&self.folder, |folder| {
+            let (weights, _) = load_tensors(&folder.join("model.safetensors"))?;
+            let model = heads.carry(wanted.clone(), weights, &mut ChaCha8Rng::seed_from_u64(options.seed), device)?;
+            let mut learner = Learner::new(model, options, device);
+            if !folder.join("state.json").exists() {
+                let gate = Gate { gain: 0.0, opened: Some(0) };
+                return Ok((learner, State { carried: made, gate, ..State::default() }));
+            }
+            let before = read_state(&folder.join("state.json"))?;
+            let file = folder.join("optimizer.safetensors");
+            if file.exists() {
+                let (moments, _) = load_tensors(&file)?;
+                restore(&mut learner, &heads.renamed(moments), before, device);
+            }
+            Ok((learner, State { update: 0, seconds: 0.0, carried: before.carried + before.update, ..before }))
+        })?;
+        carried.ok_or_else(|| vibes_data::Error::NoCheckpoint { path: self.path().to_owned() }.into())
     }
 
     /// A number that is none, said with the update it was met in and where to go on; other errors as they are.
     pub fn diverged(&self, error: TrainError, update: u64) -> TrainError {
         match error {
             TrainError::NotFinite { what, value } => {
-                let remedy = "a lower --lr";
+                let remedy = if self.path().join("online.json").exists() {
+                    "from the beginning, with another -o and lower step sizes (--lr, --actor-lr, --critic-lr)"
+                } else {
+                    "to go on from here with --from, another -o and a lower --lr"
+                };
                 TrainError::Diverged { update: update + 1, what, value, remedy, run: self.path().to_owned() }
             }
             other => other,

@@ -35,6 +35,9 @@ const QUICK: [&str; 20] = [
     "--final-episodes=3",
 ];
 
+/// 30 episodes, long enough to be killed in some times.
+const LONG: [&str; 2] = ["--control-steps", "2400"];
+
 /// 12 episodes.
 const WHOLE: [&str; 2] = ["--control-steps", "960"];
 
@@ -65,6 +68,8 @@ fn a_run_counts_in_both_units_and_leaves_a_sound_recording() {
     let steps: Vec<u64> = evaluations.iter().map(|line| line["control_steps"].as_u64().unwrap()).collect();
     assert_eq!(steps, [240, 400, 800, 960], "at the start, at every multiple, at the end");
     assert!(evaluations[0]["training_videos"]["interval"].is_array());
+    // Nobody sees a video here, and starts are the same for both sets.
+    assert!(evaluations.iter().all(|line| line["training_videos"] == line["held_out"]));
     let replay = Recording::open(&folder.join("replay")).unwrap();
     assert_eq!(replay.episodes().len(), 12);
     assert!(replay.episodes()[..3].iter().all(|entry| entry.policy == "random"));
@@ -88,19 +93,21 @@ fn a_run_counts_in_both_units_and_leaves_a_sound_recording() {
 
 #[test]
 fn however_often_it_is_killed_the_same_command_ends_with_the_same_bytes() {
+    let mut all_kills = 0;
     for guard in ["0", "2"] {
         let folder = tempfile::tempdir().unwrap();
         let [undisturbed, killed] = ["undisturbed", "killed"].map(|name| folder.path().join(name));
-        let asked = [&WHOLE[..], &["--guard", guard]].concat();
+        let asked = [&LONG[..], &["--guard", guard]].concat();
         let output = run(&undisturbed, &asked);
         assert!(output.status.success(), "{}", text(&output));
         let line = lines(&undisturbed.join("metrics.jsonl")).pop().unwrap();
         assert_eq!(line["disagreement"].as_f64().is_some_and(|apart| apart > 0.0), guard != "0", "{line}");
         // From before anything is there to beyond a checkpoint.
         let kills = kill_until_done(|| command(&killed, &asked), 50..400);
-        assert!(kills >= 3, "{kills} kills");
+        all_kills += kills;
         assert_same(&undisturbed, &killed, &format!("after {kills} kills, --guard {guard}"));
     }
+    assert!(all_kills >= 10, "{all_kills} kills");
 }
 
 #[test]
@@ -119,7 +126,23 @@ fn what_cannot_be_is_refused_with_what_would_be_right() {
     assert!(refused(&["--task", "reacher-easy", "--rows-per-step", "0"]).contains("above 0"));
     let other = refused(&["--task", "reacher-easy", "--protocol", "dcs-easy-dynamic-500k", "--action-repeat", "2"]);
     assert!(other.contains("action repeat 4, not 2"), "{other}");
+    let published = ["--task", "reacher-easy", "--protocol", "dcs-easy-dynamic-500k"];
+    let vectors = refused(&[&published[..], &["--observations", "vectors"]].concat());
+    assert!(vectors.contains("observations pictures, not vectors"), "{vectors}");
+    let own = folder.path().join("films");
+    for video in 0..8 {
+        std::fs::create_dir_all(own.join(format!("film-{video}"))).unwrap();
+        std::fs::write(own.join(format!("film-{video}/00000.jpg")), b"").unwrap();
+    }
+    let films = refused(&[&published[..], &["--videos", "films"]].concat());
+    assert!(films.contains("videos of DAVIS 2017"), "{films}");
+    let nothing_drawn = refused(&["--task", "reacher-easy", "--no-pixels", "--observations", "pixels"]);
+    assert!(nothing_drawn.contains("nothing is drawn"), "{nothing_drawn}");
     assert!(refused(&["--task", "reacher-easy", "--guard=-1"]).contains("0 or more"));
+    assert!(refused(&["--task", "reacher-easy", "--entropy=-1"]).contains("0 or more"));
+    assert!(refused(&["--task", "reacher-easy", "--every-start", "0"]).contains("above 0"));
+    assert!(refused(&["--task", "reacher-easy", "--every-start", "15"]).contains("at most"));
+    assert!(refused(&["--task", "reacher-easy", "--short-horizon", "3", "--short-for", "0"]).contains("above 0"));
     assert!(refused(&["--task", "reacher-easy", "--guard", "1", "--guard-members", "1"]).contains("two to disagree"));
     assert!(refused(&["--task", "reacher-easy", "--guard-members", "3"]).contains("--guard-members has no effect"));
     assert!(refused(&["--task", "reacher-easy", "--agent", "sac", "--guard", "1"]).contains("--guard has no effect"));
@@ -129,5 +152,7 @@ fn what_cannot_be_is_refused_with_what_would_be_right() {
     let run_folder = folder.path().join("run");
     assert!(run(&run_folder, &["--control-steps", "240"]).status.success());
     let changed = text(&run(&run_folder, &["--control-steps", "240", "--discount", "0.5"]));
-    assert!(changed.contains("behaviour.discount = 0.99, asked for was 0.5"), "{changed}");
+    assert!(changed.contains("discount = 0.99, asked for was 0.5"), "{changed}");
+    let guarded = text(&run(&run_folder, &["--control-steps", "240", "--guard", "1"]));
+    assert!(guarded.contains("guard = 0.0, asked for was 1.0"), "{guarded}");
 }

@@ -44,25 +44,26 @@ pub(super) struct RecordArgs {
     /// Several behaviours with weights, as in random:0.3,planner:noise=0.3:0.4,planner:0.3.
     #[arg(long)]
     mix: Option<PolicyMix>,
-    /// How far the distractors go: easy, medium or hard.
-    #[arg(long, default_value = "easy")]
-    difficulty: Difficulty,
-    /// Distractors move during an episode (the default).
+    /// How far the distractors go: easy, medium or hard [default: that of a trained run, or easy].
+    #[arg(long)]
+    difficulty: Option<Difficulty>,
+    /// Distractors move during an episode (the default, but for a run that was trained under others).
     #[arg(long, conflicts_with = "static")]
     dynamic: bool,
     /// Distractors keep what they are at the start of the episode.
     #[arg(long = "static")]
     r#static: bool,
-    /// Which distractors: background, camera, color, or all, or none.
-    #[arg(long, value_name = "LIST", default_value = "all")]
-    distract: Axes,
-    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS [default: the built-in procedural videos].
+    /// Which distractors: background, camera, color, or all, or none [default: those of a trained run, or all].
+    #[arg(long, value_name = "LIST")]
+    distract: Option<Axes>,
+    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS; of other folders the first are train, the next val [default: those of a trained run, or the built-in procedural
+    /// videos].
     #[arg(long, value_name = "DIR")]
     videos: Option<PathBuf>,
     /// Which videos: train, or val for held-out ones.
     #[arg(long, default_value = "train")]
     video_set: VideoSet,
-    /// Number of videos [default: the suite's for the difficulty: 4, 8 or all].
+    /// Number of videos [default: that of a trained run, or the suite's for the difficulty: 4, 8 or all].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=10_000))]
     video_count: Option<u16>,
     /// Side of the pictures, pixels.
@@ -118,6 +119,7 @@ impl RecordArgs {
             PolicySpec::Run { path } => home(path),
             _ => Home::default(),
         };
+        let (distractors, videos, video_count) = self.distraction(&home);
         let task = self.task.clone().or(home.task).unwrap_or_else(|| DEFAULT_TASK.to_owned());
         let action_repeat = self.action_repeat.or(home.action_repeat);
         let options = EnvironmentOptions { action_repeat, raw_torques: self.raw_torques };
@@ -136,14 +138,10 @@ impl RecordArgs {
             steps: self.steps.unwrap_or(environment.episode_steps()),
             action_repeat: environment.action_repeat(),
             raw_torques: self.raw_torques,
-            distractors: DistractorSettings {
-                axes: self.distract,
-                difficulty: self.difficulty,
-                dynamic: !self.r#static,
-            },
-            videos: self.videos.clone().map_or(VideoSource::Procedural, VideoSource::Folder),
+            distractors,
+            videos,
             video_set: self.video_set,
-            video_count: self.video_count.map(usize::from),
+            video_count,
             size: (!self.no_pixels).then_some(self.size),
             look: self.render,
             axis_seeds: self.axis_seeds.into(),
@@ -159,6 +157,21 @@ impl RecordArgs {
         })
     }
 
+    /// The distractors, where their videos come from, and how many: what was typed, else those that the run which acts was trained under.
+    fn distraction(&self, home: &Home) -> (DistractorSettings, VideoSource, Option<usize>) {
+        let of_run = home.distractors.unwrap_or_default();
+        let distractors = DistractorSettings {
+            axes: self.distract.unwrap_or(of_run.axes),
+            difficulty: self.difficulty.unwrap_or(of_run.difficulty),
+            dynamic: self.dynamic || (of_run.dynamic && !self.r#static),
+        };
+        let videos = self.videos.clone().map(VideoSource::Folder).or_else(|| home.videos.clone()).unwrap_or_default();
+        // A number is of one folder and one difficulty.
+        let is_home = self.videos.is_none() && self.difficulty.is_none();
+        let video_count = self.video_count.map(usize::from).or(home.video_count.filter(|_| is_home));
+        (distractors, videos, video_count)
+    }
+
     fn folder(&self, options: &RecordOptions) -> PathBuf {
         let name = match options.grid {
             Some(Grid { states, distractors }) => format!("{}-{states}x{distractors}", options.task),
@@ -169,8 +182,8 @@ impl RecordArgs {
 }
 
 pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
-    idle::check(&args.given, args.distract)?;
     let options = args.resolve()?;
+    idle::check(&args.given, options.distractors.axes)?;
     if options.pictures().is_none() && options.acting.iter().all(|acting| acting.pictures.is_none()) {
         idle::check_unseen(&args.given)?;
     }

@@ -40,7 +40,7 @@ impl RecordOptions {
             return Ok(Arc::new(VideoLibrary::none()));
         }
         let count = self.video_count.or(self.distractors.difficulty.videos());
-        let names = self.videos.list(self.video_set, count)?;
+        let names = self.videos.part(self.video_set, count)?;
         let side = pictures.look.sky_side(pictures.size);
         Ok(Arc::new(VideoLibrary::open(&self.videos, self.video_set, &names, side)?))
     }

@@ -105,6 +105,10 @@ fn what_is_held_out_is_never_trained_under() {
     assert_eq!(source.lists(None).unwrap(), [vec!["a", "b"], vec!["c", "d"]]);
     assert!(source.lists(Some(3)).unwrap_err().to_string().contains("5 videos; 6 are needed"));
     assert!(source.lists(Some(usize::MAX)).is_err());
+    assert_eq!(source.part(VideoSet::Train, Some(5)).unwrap().len(), 5, "all of them, as long as none are held out");
+    assert_eq!(source.part(VideoSet::Val, Some(2)).unwrap(), ["c", "d"]);
+    assert_eq!(source.part(VideoSet::Train, None).unwrap(), ["a", "b"]);
+    assert!(source.part(VideoSet::Val, Some(3)).is_err());
     for name in ["bear", "blackswan"] {
         write_video(folder.path(), name, 1);
     }

@@ -208,7 +208,7 @@ pub(crate) fn run(context: &Context, folder: &Folder, device: DeviceArgs) -> Res
     let mut said: Option<Instant> = None;
     let end = model_free(folder, &device, &mut |event| {
         match &event {
-            Event::Start { control_steps: 0 } | Event::Update | Event::Admitted => {}
+            Event::Start { control_steps: 0 } | Event::Update | Event::Admitted | Event::Judged => {}
             Event::Start { control_steps } => say(&format!("going on after {control_steps} control steps")),
             Event::Lived(line) => {
                 let is_due = std::io::stderr().is_terminal() || said.is_none_or(|said| said.elapsed() >= EVERY);

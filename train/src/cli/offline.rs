@@ -5,8 +5,9 @@ use std::sync::atomic::Ordering;
 
 use anyhow::Result;
 use clap::Args;
-use vibes_command::{Ending, stop_on_signals};
+use vibes_command::{Ending, Given, stop_on_signals};
 use vibes_data::Recording;
+use vibes_train::TrainError;
 use vibes_train::fit::{End, Event, Go, HeldOut, fit};
 use vibes_train::options::Options;
 use vibes_train::prepare::prepare;
@@ -20,6 +21,8 @@ use super::{Context, default_run};
 
 #[derive(Debug, Args)]
 pub(crate) struct OfflineArgs {
+    #[command(flatten)]
+    given: Given,
     /// Recordings to train on, all of the same task and sizes.
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
@@ -49,6 +52,7 @@ pub(crate) struct OfflineArgs {
 
 pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
     let options = args.options.resolve()?;
+    check_settled(&args.given, args.from.is_some())?;
     let recordings = args.recordings.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>()?;
     let output = args.output.unwrap_or_else(|| default_run(&args.recordings[0], options.objective.name()));
     let held_out = args.eval.as_ref().map(|path| Recording::open(path)).transpose()?;
@@ -70,6 +74,19 @@ pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
     log.map_or(Ok(()), WindowLog::finish)?;
     report(context, &run, &options, end)?;
     Ok(if end == End::Stopped { Ending::Again } else { Ending::Done })
+}
+
+/// That the unit of reward was not asked for where a model is gone on with, which has its own.
+fn check_settled(given: &Given, goes_on: bool) -> Result<()> {
+    match given.first_of(["reward_scale", "reward_floor"]).filter(|_| goes_on) {
+        Some(option) => {
+            let text = format!(
+                "{option} has no effect with --from: the run that is gone on from has it settled; leave it out"
+            );
+            anyhow::bail!(TrainError::Options(text))
+        }
+        None => Ok(()),
+    }
 }
 
 fn report(context: &Context, run: &Run, options: &Options, end: End) -> Result<()> {

@@ -151,9 +151,16 @@ impl OnlineArgs {
 fn world_of(run: &Run) -> Result<WorldOptions> {
     let model = &run.info().model;
     let mut world = prepare::default_world(&model.task)?;
-    if let Some(first) = run.open_recordings()?.first() {
-        world.action_repeat = first.manifest().spec.action_repeat;
+    // Where the recordings are gone, a --given-share of 0 goes on without them, under the task's own action repeat.
+    if let Some(first) = run.open_recordings().ok().as_deref().and_then(|recordings| recordings.first()) {
+        let manifest = first.manifest();
+        world.action_repeat = manifest.spec.action_repeat;
         world.steps = vibes_env::EPISODE_CONTROL_STEPS.div_ceil(world.action_repeat);
+        let recorded = |option: &str| manifest.options.get(option).cloned().unwrap_or_default();
+        world.look = serde_json::from_value(recorded("look")).unwrap_or(world.look);
+        if let Ok(videos) = serde_json::from_value(recorded("videos")) {
+            world = WorldOptions { videos, ..world }.found(first.path());
+        }
     }
     world.size = match model.observation {
         vibes_model::ObservationKind::Pixels { height, .. } => Some(height as u32),
@@ -207,7 +214,7 @@ fn report(context: &Context, run: &Run, end: End) -> Result<()> {
     match end {
         End::Nothing => {
             println!(
-                "{path} has lived through its control steps, or its minutes, already{text}; ask for more with --control-steps N or --minutes M"
+                "{path} has lived through its control steps, or its minutes, already{text}; ask for more with --control-steps N or --minutes M, or evaluate it anew: vibes-collect --policy {path} --episodes N --video-set val"
             );
         }
         End::Updates => println!("done{text}; next: vibes-collect --policy {path} --grid 10x10"),

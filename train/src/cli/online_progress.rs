@@ -58,7 +58,7 @@ impl OnlineProgress {
 
     pub(crate) fn show(&mut self, event: &Event<'_>) {
         match event {
-            Event::Start { control_steps: 0 } | Event::Update => {}
+            Event::Start { control_steps: 0 } | Event::Update | Event::Judged => {}
             Event::Start { control_steps } => self.say(&format!("going on after {control_steps} control steps")),
             Event::Lived { control_steps, .. } => {
                 if let Some(bar) = &self.bar {
@@ -116,9 +116,8 @@ fn evaluated(evaluation: &Evaluation) -> String {
     let interval =
         |interval: Option<[f64; 2]>| interval.map_or(String::new(), |[low, high]| format!(" [{low:.1}, {high:.1}]"));
     let held_out = &evaluation.held_out;
-    let training = evaluation.training_videos.as_ref().map_or(String::new(), |found| {
-        format!(", training videos {:.1}{}", found.mean_return, interval(found.interval))
-    });
+    let training = &evaluation.training_videos;
+    let training = format!(", training videos {:.1}{}", training.mean_return, interval(training.interval));
     format!(
         "after {} control steps ({} agent steps): mean return on held-out videos {:.1}{} of {} episodes{training}",
         evaluation.counters.control_steps,

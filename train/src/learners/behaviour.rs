@@ -327,10 +327,12 @@ impl BehaviourLearner {
 }
 
 impl Replayed {
-    /// Every `every`th counted row, by its place in `[length·batch]`.
+    /// The counted rows at every `every`th step of their window, by their place in `[length·batch]`; windows side by side begin at other steps, so that none is left out.
     pub fn chosen(&self, every: usize) -> Vec<i64> {
-        let counted = self.counted.iter().enumerate().filter(|(_, counted)| **counted).map(|(place, _)| place as i64);
-        counted.step_by(every.max(1)).collect()
+        let [_, batch, _] = self.latents.dims();
+        let is_chosen = |place: usize| (place / batch + place % batch).is_multiple_of(every.max(1));
+        let counted = self.counted.iter().enumerate().filter(|(place, counted)| **counted && is_chosen(*place));
+        counted.map(|(place, _)| place as i64).collect()
     }
 
     /// These rows as starts.

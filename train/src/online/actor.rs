@@ -185,11 +185,9 @@ pub fn episode_seed(seed: u64, kind: EpisodeKind, number: u64) -> u64 {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EpisodeKind {
     /// To learn from.
-    Training,
-    /// Evaluation on training videos.
-    EvaluationTrain,
-    /// Evaluation on held-out videos.
-    EvaluationVal,
-    /// The last evaluation, on held-out videos.
-    Final,
+    Training = 0,
+    /// To evaluate on, under videos of either set.
+    Evaluation = 2,
+    /// The last evaluation.
+    Final = 3,
 }

@@ -1,5 +1,6 @@
 //! How well an agent does: whole episodes on held-out and on training videos, the same starts and distractors at every evaluation. In: an agent. Out: a line of
-//! `evaluations.jsonl` with mean returns and their 95 % intervals. The gap between the two sets is what the distractors cost.
+//! `evaluations.jsonl` with mean returns and their 95 % intervals. An episode of either set has the start, the camera and the colours of the same number of the other, so that the gap
+//! between the two is what new videos cost.
 
 use std::path::Path;
 
@@ -15,6 +16,7 @@ use super::actor::{ActorThread, EpisodeKind, Task, episode_seed};
 use super::options::OnlineOptions;
 use super::protocol::Protocol;
 use crate::error::{Result, io};
+use crate::fit::Go;
 
 /// Where a run stood.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -52,9 +54,8 @@ pub struct Evaluation {
     pub protocol: Option<Protocol>,
     /// Under held-out videos.
     pub held_out: Returns,
-    /// Under training videos; the last evaluation leaves them out.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub training_videos: Option<Returns>,
+    /// Under training videos.
+    pub training_videos: Returns,
     /// Whether it is the last one.
     pub is_final: bool,
 }
@@ -67,7 +68,7 @@ impl Returns {
     }
 }
 
-/// Evaluates; the last evaluation has its own number of episodes and starts.
+/// Evaluates; the last evaluation has its own number of episodes and starts. Nothing comes of it where `listen`, which is asked after every episode, stops it.
 ///
 /// # Errors
 /// An episode cannot be lived through.
@@ -76,35 +77,40 @@ pub fn evaluate(
     agent: &TrainedAgent,
     options: &OnlineOptions,
     counters: Counters,
-    seed: u64,
-    is_final: bool,
-) -> Result<Evaluation> {
+    (seed, is_final): (u64, bool),
+    listen: &mut dyn FnMut() -> Go,
+) -> Result<Option<Evaluation>> {
     let choice = if options.evaluate_mode { Choice::Mode } else { Choice::Sample };
-    let returns = |kind, videos, count| {
-        let task = |number: u32| Task {
-            player: Some(Player::new(agent.clone(), choice, 0.0)),
-            videos,
-            seed: episode_seed(seed, kind, u64::from(number)),
-            keep: None,
-        };
-        let lived = (0..count).map(|number| Ok(acting.live(task(number))?.episode_return));
-        Returns::of(lived.collect::<Result<Vec<f64>>>()?)
+    let (kind, count) = match is_final {
+        true => (EpisodeKind::Final, options.final_episodes.max(1)),
+        false => (EpisodeKind::Evaluation, options.evaluation_episodes.max(1)),
     };
-    let (held_out, training_videos) = if is_final {
-        (returns(EpisodeKind::Final, VideoSet::Val, options.final_episodes.max(1))?, None)
-    } else {
-        let count = options.evaluation_episodes.max(1);
-        let held_out = returns(EpisodeKind::EvaluationVal, VideoSet::Val, count)?;
-        (held_out, Some(returns(EpisodeKind::EvaluationTrain, VideoSet::Train, count)?))
+    let mut returns = |videos| {
+        let mut returns = Vec::new();
+        for number in 0..count {
+            let player = Some(Player::new(agent.clone(), choice, 0.0));
+            let seed = episode_seed(seed, kind, u64::from(number));
+            returns.push(acting.live(Task { player, videos, seed, keep: None })?.episode_return);
+            if listen() == Go::Stop {
+                return Ok(None);
+            }
+        }
+        Returns::of(returns).map(Some)
     };
-    Ok(Evaluation { counters, protocol: options.protocol, held_out, training_videos, is_final })
+    let Some(held_out) = returns(VideoSet::Val)? else { return Ok(None) };
+    // Where nobody sees a video the episodes of the two sets are the same.
+    let has_videos = options.world.pictures().is_some() && options.world.distractors.axes.background;
+    let training_videos = if has_videos { returns(VideoSet::Train)? } else { Some(held_out.clone()) };
+    let Some(training_videos) = training_videos else { return Ok(None) };
+    Ok(Some(Evaluation { counters, protocol: options.protocol, held_out, training_videos, is_final }))
 }
 
-/// Drops the lines of evaluations that a stopped run made after its last checkpoint: those from `next` control steps on.
+/// Drops the lines of evaluations that a stopped run made after its last checkpoint: those from `next` control steps on, and of a run that was not `finished` there the last
+/// evaluation at as many.
 ///
 /// # Errors
 /// The file cannot be read or written.
-pub(super) fn drop_beyond(path: &Path, next: u64) -> Result<()> {
+pub(super) fn drop_beyond(path: &Path, next: u64, control_steps: u64, finished: bool) -> Result<()> {
     let text = match std::fs::read_to_string(path) {
         Ok(text) => text,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
@@ -112,8 +118,34 @@ pub(super) fn drop_beyond(path: &Path, next: u64) -> Result<()> {
     };
     let is_kept = |line: &&str| {
         let line: Option<serde_json::Value> = serde_json::from_str(line).ok();
-        line.and_then(|line| line["control_steps"].as_u64()).is_some_and(|steps| steps < next)
+        line.and_then(|line| {
+            let is_unsaved = !finished && line["is_final"] == true;
+            line["control_steps"].as_u64().map(|steps| steps < next && !(is_unsaved && steps >= control_steps))
+        })
+        .unwrap_or(false)
     };
     let kept: String = text.lines().filter(is_kept).flat_map(|line| [line, "\n"]).collect();
     Ok(write_atomically(path, kept.as_bytes())?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_evaluated_after_the_last_checkpoint_is_dropped() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("evaluations.jsonl");
+        let line = |steps: u64, is_final: bool| format!("{{\"control_steps\":{steps},\"is_final\":{is_final}}}\n");
+        let all = [line(100, false), line(150, true), line(200, false)];
+        let left = |next, control_steps, finished| {
+            std::fs::write(&file, all.concat()).unwrap();
+            drop_beyond(&file, next, control_steps, finished).unwrap();
+            std::fs::read_to_string(&file).unwrap()
+        };
+        assert_eq!(left(300, 200, true), all.concat(), "a run that is longer now keeps the end that it had");
+        assert_eq!(left(200, 150, true), all[..2].concat());
+        assert_eq!(left(200, 150, false), all[0], "the last evaluation was not saved");
+        drop_beyond(&folder.path().join("none"), 0, 0, false).unwrap();
+    }
 }

@@ -51,6 +51,8 @@ pub enum Event<'a> {
     Admitted,
     /// An update was made.
     Update,
+    /// An episode of an evaluation was lived through.
+    Judged,
     /// The agent was evaluated.
     Evaluated(&'a Evaluation),
 }
@@ -132,7 +134,7 @@ pub(super) fn model_free_living(
     if state.is_finished && state.control_steps >= options.online.control_steps {
         return Ok(End::Nothing);
     }
-    state.is_finished = false;
+    let was_finished = std::mem::replace(&mut state.is_finished, false);
     // Evaluations may have been asked for more often since then.
     state.next_evaluation = state.next_evaluation.min(options.online.next_evaluation(state.control_steps));
     let learner = match resumed {
@@ -143,9 +145,10 @@ pub(super) fn model_free_living(
     let sizes = ReplayOptions { length, batch, given_share: 0.0 };
     let replay = Replay::open(&place, manifest, state.episodes, &[], sizes)?;
     listen(Event::Start { control_steps: state.control_steps });
-    evaluate::drop_beyond(&folder.places().evaluations_path(), state.next_evaluation)?;
+    let evaluations = folder.places().evaluations_path();
+    evaluate::drop_beyond(&evaluations, state.next_evaluation, state.control_steps, was_finished)?;
     let metrics = MetricsFile::open(&folder.places().metrics_path(), state.update)?;
-    let evaluations = MetricsFile::open(&folder.places().evaluations_path(), state.update)?;
+    let evaluations = MetricsFile::open(&evaluations, state.update)?;
     std::thread::scope(|scope| {
         let acting = ActorThread::living(live, scope, world, libraries, replay.writer());
         let saved = Instant::now();
@@ -202,7 +205,7 @@ impl Training<'_> {
             self.metrics.append(&line)?;
             let is_stopped = [go, listen(Event::Lived(&line))].contains(&Go::Stop);
             let is_due = self.state.episodes.is_multiple_of(self.options.save_every.max(1));
-            if is_stopped || is_due || self.saved.elapsed() > BETWEEN_SAVES {
+            if is_stopped || is_due || self.saved.elapsed() + begun.elapsed() > BETWEEN_SAVES {
                 self.save(&learner)?;
             }
             if is_stopped {
@@ -310,7 +313,11 @@ impl Training<'_> {
             agent_steps: self.state.agent_steps,
             episodes: self.state.episodes,
         };
-        let evaluation = evaluate::evaluate(&self.acting, &agent, options, counters, self.options.seed, is_last)?;
+        let seed = (self.options.seed, is_last);
+        let judged = &mut || listen(Event::Judged);
+        let Some(evaluation) = evaluate::evaluate(&self.acting, &agent, options, counters, seed, judged)? else {
+            return Ok(Go::Stop);
+        };
         self.evaluations.append(&evaluation)?;
         self.state.is_finished = is_last;
         self.state.next_evaluation = options.next_evaluation(self.state.control_steps);

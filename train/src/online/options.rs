@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use vibes_data::write_atomically;
 use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::Look;
-use vibes_env::videos::VideoSource;
+use vibes_env::videos::{VideoSet, VideoSource};
 
 use super::protocol::Protocol;
 use crate::error::{Result, TrainError, io, malformed};
@@ -97,7 +97,7 @@ impl OnlineOptions {
         if let Some(found) = Self::read(run)?
             && let Some((key, found, asked)) = found.stored(run).first_difference(&self.stored(run))
         {
-            return Err(TrainError::OtherRun { key, found, asked, path: run.to_owned() });
+            return Err(TrainError::OtherRun { key: flag(&key), found, asked, path: run.to_owned() });
         }
         let file = run.join("online.json");
         let text = serde_json::to_string_pretty(&self.stored(run))
@@ -119,6 +119,9 @@ impl OnlineOptions {
     pub(super) fn fixed(&self, is_published: bool) -> serde_json::Value {
         let free = ["control_steps", "evaluate_every", "evaluation_episodes", "final_episodes"];
         let mut value = serde_json::to_value(self).unwrap_or_default();
+        // What is left out of the file at its default has a value all the same.
+        value["behaviour"]["guard"] = self.behaviour.guard.into();
+        value["behaviour"]["guard_members"] = self.behaviour.guard_members.into();
         if let (false, Some(entries)) = (is_published, value.as_object_mut()) {
             entries.retain(|key, _| !free.contains(&key.as_str()));
         }
@@ -165,6 +168,9 @@ impl OnlineOptions {
             let (short, horizon) = (self.short_horizon, self.behaviour.horizon);
             return wrong(format!("--short-horizon is {short}; it must be below the horizon of {horizon}"));
         }
+        if self.short_horizon > 0 && self.short_for == 0 {
+            return wrong("--short-for is 0; it must be above 0, or leave out --short-horizon".to_owned());
+        }
         self.world.check_videos()?;
         match self.protocol {
             Some(protocol) => self.is_under(protocol),
@@ -207,6 +213,12 @@ impl OnlineOptions {
             let wanted = "all three axes, easy and dynamic, four videos";
             return refuse("the distractors", "others".to_owned(), wanted.to_owned());
         }
+        if let VideoSource::Folder(_) = &world.videos
+            && world.videos.list(VideoSet::Train, None)? == world.videos.list(VideoSet::Val, None)?
+        {
+            let wanted = "of DAVIS 2017, whose lists say what is held out, or the built-in ones";
+            return refuse("videos", "of another folder".to_owned(), wanted.to_owned());
+        }
         if world.size.is_none() {
             return refuse("observations", "vectors".to_owned(), "pictures".to_owned());
         }
@@ -219,6 +231,19 @@ impl OnlineOptions {
         }
         Ok(())
     }
+}
+
+/// An option as it is typed, from its path in a file.
+pub(super) fn flag(path: &str) -> String {
+    let typed = match path {
+        "world.distractors.axes" => "distract",
+        "world.distractors.dynamic" => "static",
+        "world.look" => "render",
+        "behaviour.actions" | "behaviour.values" => "recipe",
+        _ if path.starts_with("world.videos") => "videos",
+        _ => path.rsplit('.').next().unwrap_or(path),
+    };
+    typed.replace('_', "-")
 }
 
 /// The first entry in which two JSON values differ, by its path.
@@ -291,7 +316,7 @@ mod tests {
         assert_eq!(found.world.videos, VideoSource::Folder(after.join("films")));
         typed(&after.join("runs/../films")).keep(&after.join("runs/a")).unwrap();
         let error = typed(&after.join("others")).keep(&after.join("runs/a")).unwrap_err().to_string();
-        assert!(error.contains("world.videos.folder"), "{error}");
+        assert!(error.starts_with("this run has videos = "), "{error}");
         let manifest = found.world.manifest(0, &[], &after.join("runs/a/replay")).unwrap();
         assert_eq!(manifest.options["videos"]["folder"], "../../../films");
     }

@@ -77,9 +77,10 @@ pub fn default_options(world: WorldOptions, is_given: bool) -> OnlineOptions {
 /// The folder holds another run, or cannot be written, or the task has no such observations.
 pub fn from_nothing(path: &Path, model: &Options, options: OnlineOptions) -> Result<Prepared> {
     options.check()?;
-    check_length(&options, model.length)?;
+    check_rows(&options, model)?;
     let spec = options.world.spec()?;
-    let kind = observation_kind(&spec, model.observations, path)?;
+    let kind = observation_kind(&spec, model.observations)?;
+    check_seen(&options, kind)?;
     let unit = REWARD_STD * f64::from(options.world.action_repeat);
     let info = RunInfo {
         format: RUN_FORMAT.to_owned(),
@@ -103,7 +104,7 @@ pub fn from_nothing(path: &Path, model: &Options, options: OnlineOptions) -> Res
 /// `from` has no checkpoint or its recordings are gone, or the folder holds another run, or cannot be written.
 pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions) -> Result<Prepared> {
     options.check()?;
-    check_length(&options, model.length)?;
+    check_rows(&options, model)?;
     let there = RunFolder::at(path);
     if OnlineOptions::read(path)?.is_none() && !there.checkpoints().is_empty() {
         let text = format!(
@@ -112,10 +113,12 @@ pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions
         );
         return Err(TrainError::Options(text));
     }
-    let given = from.open_recordings()?;
+    // A share of 0 goes on without them, as where they are gone.
+    let given = if options.given_share > 0.0 { from.open_recordings()? } else { Vec::new() };
     check_repeats(&given, options.world.action_repeat)?;
     let spec = options.world.spec()?;
-    let kind = observation_kind(&spec, model.observations, path)?;
+    let kind = observation_kind(&spec, model.observations)?;
+    check_seen(&options, kind)?;
     let found = &from.info().model;
     let made = model.model(&spec, kind, 1.0);
     // The unit of reward stays as the run has it.
@@ -142,13 +145,42 @@ pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions
 /// The run's recordings are gone, or something else differs.
 pub fn again(path: &Path, model: &Options, options: OnlineOptions) -> Result<Prepared> {
     options.check()?;
-    check_length(&options, model.length)?;
+    check_rows(&options, model)?;
     let found = Run::open(path)?;
     let given = found.open_recordings()?;
     let info = RunInfo { options: model.clone(), ..found.info().clone() };
     let run = Run::create_or_open(path, info)?;
     options.keep(run.path())?;
     Ok(Prepared { run, options, given })
+}
+
+/// That an episode of the world is as long as a window of the learner's, and that imagination starts somewhere in every window.
+///
+/// # Errors
+/// Either is not so.
+fn check_rows(options: &OnlineOptions, model: &Options) -> Result<()> {
+    check_length(options, model.length)?;
+    let (every, counted) = (options.behaviour.every_start, model.length.saturating_sub(model.burn_in));
+    if every <= counted {
+        return Ok(());
+    }
+    let text = format!("--every-start is {every}, and a window has {counted} rows that count; it must be at most that");
+    Err(TrainError::Options(text))
+}
+
+/// That what a protocol says of observations is so.
+///
+/// # Errors
+/// The model looks at others.
+fn check_seen(options: &OnlineOptions, kind: ObservationKind) -> Result<()> {
+    match (options.protocol, kind) {
+        (Some(protocol), ObservationKind::Vector { .. }) => {
+            let text =
+                format!("{protocol} has observations pictures, not vectors; leave out --protocol for other settings");
+            Err(TrainError::Options(text))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// That an episode of the world is as long as a window of the learner's.
@@ -176,18 +208,17 @@ fn check_repeats(given: &[Recording], action_repeat: u32) -> Result<()> {
     })
 }
 
-fn observation_kind(spec: &Spec, wanted: Observations, path: &Path) -> Result<ObservationKind> {
+fn observation_kind(spec: &Spec, wanted: Observations) -> Result<ObservationKind> {
     let pixels =
         spec.pixels.map(|size| ObservationKind::Pixels { height: size.height as usize, width: size.width as usize });
     let vector = Some(spec.observation_len()).filter(|&len| len > 0).map(|len| ObservationKind::Vector { len });
-    let kind = match wanted {
-        Observations::Auto => pixels.or(vector),
-        Observations::Pixels => pixels,
-        Observations::Vectors => vector,
+    let (kind, wanted) = match wanted {
+        Observations::Auto => (pixels.or(vector), "auto"),
+        Observations::Pixels => (pixels, "pixels"),
+        Observations::Vectors => (vector, "vectors"),
     };
-    kind.ok_or_else(|| TrainError::OtherRecording {
-        found: "no such observations".to_owned(),
-        wanted: format!("{wanted:?}").to_lowercase(),
-        path: path.to_owned(),
+    kind.ok_or_else(|| {
+        let text = format!("--observations {wanted} asks for what there is not: with --no-pixels nothing is drawn; leave out one of the two");
+        TrainError::Options(text)
     })
 }

@@ -90,7 +90,7 @@ pub fn assert_same(wanted: &Path, found: &Path, after: &str) {
 pub fn kill_until_done(command: impl Fn() -> Command, between: std::ops::Range<u64>) -> u32 {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut kills = 0;
-    for attempt in 0..20 {
+    for attempt in 0..40 {
         let mut process = command().stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
         std::thread::sleep(Duration::from_millis(rng.random_range(between.clone()) * (1 + attempt / 5)));
         if let Some(status) = process.try_wait().unwrap() {

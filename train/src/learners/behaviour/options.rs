@@ -186,8 +186,9 @@ impl BehaviourOptions {
                 "--every-start above 1 leaves the critic without targets on recorded rewards, which this recipe wants";
             return Err(TrainError::Options(text.to_owned()));
         }
-        if !(self.guard.is_finite() && self.guard >= 0.0) {
-            return Err(TrainError::Options(format!("--guard is {}; it must be 0 or more", self.guard)));
+        let least = [("guard", self.guard), ("entropy", self.entropy)];
+        if let Some((name, value)) = least.iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0)) {
+            return Err(TrainError::Options(format!("--{name} is {value}; it must be 0 or more")));
         }
         if self.guard_members < 2 {
             let text = format!("--guard-members is {}; it takes two to disagree", self.guard_members);
@@ -195,6 +196,7 @@ impl BehaviourOptions {
         }
         let positive = [
             ("horizon", self.horizon as f64),
+            ("every-start", self.every_start as f64),
             ("actor-lr", self.actor_lr),
             ("critic-lr", self.critic_lr),
             ("behaviour-hidden", self.hidden as f64),

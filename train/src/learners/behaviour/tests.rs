@@ -139,6 +139,26 @@ fn a_reward_that_is_no_number_ends_the_update_with_its_name() {
     assert!(matches!(error, TrainError::NotFinite { .. }), "{error}");
 }
 
+/// By steps of a window, and not by places in a batch, of which every 4th would be of 2 windows only.
+#[test]
+fn imagination_starts_in_every_window_alike() {
+    let (length, batch) = (16, 8);
+    let like = Tensor::<3>::zeros([length, batch, 1], &Device::flex());
+    let after = Tensor::<3>::zeros([length - 1, batch, 1], &Device::flex());
+    let counted = (0..length * batch).map(|place| place >= 2 * batch).collect();
+    let rows = Replayed::detached(like.clone(), after, like, vec![0.0; length * batch], (counted, vec![0; batch]));
+    assert_eq!(rows.chosen(1).len(), 14 * batch);
+    for every in 2..=8 {
+        let mut of_window = vec![0; batch];
+        for place in rows.chosen(every) {
+            assert!(place >= 2 * batch as i64, "only rows that count");
+            of_window[place as usize % batch] += 1;
+        }
+        let (least, most) = (14 / every, 14_usize.div_ceil(every));
+        assert!(of_window.iter().all(|count| (least..=most).contains(count)), "{every}: {of_window:?}");
+    }
+}
+
 /// The states of an update, given as the dynamics has them after each row, are moved to before it.
 #[test]
 fn states_are_those_before_the_action() {

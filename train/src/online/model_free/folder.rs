@@ -14,7 +14,7 @@ use crate::error::{Result, TrainError, io, malformed};
 use crate::json::write_json;
 use crate::learners::model_free::{AgentOptions, ModelFreeLearner, picture};
 use crate::learners::sac::options::Size;
-use crate::online::options::{OnlineOptions, difference};
+use crate::online::options::{OnlineOptions, difference, flag};
 use crate::online::prepare::check_length;
 use crate::summary::write_model_free_summary;
 use crate::windows::{Purpose, update_rng};
@@ -111,7 +111,7 @@ impl Folder {
         if let Some(found) = Self::open(path)?
             && let Some((key, found, asked)) = options.stored(path).first_difference(&found.options.stored(path))
         {
-            return Err(other(path, &key, &found, &asked));
+            return Err(other(path, &flag(&key), &found, &asked));
         }
         fs::create_dir_all(path.join("checkpoints")).map_err(io("create", path))?;
         write_json(&folder.model_free_path(), &options.stored(path))?;
