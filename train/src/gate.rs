@@ -74,6 +74,18 @@ mod tests {
         }
     }
 
+    /// What differs from `vibes` in the adversary alone.
+    #[test]
+    fn the_ablation_waits_where_it_is_asked_to() {
+        let options = |table| crate::options::Options::resolve("small", &[("a test", table)]).unwrap();
+        let plain = options(toml::toml! { objective = "no-adversary" });
+        let waiting = options(toml::toml! { objective = "no-adversary" wait = "yes" });
+        let vibes = Objective::all().find(|one| one.name() == "vibes").unwrap();
+        assert_eq!(plain.objective.gate(&plain), None);
+        assert_eq!(waiting.objective.gate(&waiting), vibes.gate(&small()));
+        assert_eq!(waiting.objective.networks(&waiting, 1).heads, vibes.networks(&small(), 1).heads);
+    }
+
     #[test]
     fn the_gain_follows_the_reward() {
         let mut gate = Gate::default();

@@ -4,13 +4,25 @@
 //! ```text
 //! L = 1/(T B) Σ_t Σ_b [ log p_θ(s_t | h_t−1, s_t−1, a_t−1) + log p_θ(r_t | s_t, a_t) ]
 //! ```
+//!
+//! It does not wait for the reward, as the paper does not. `vibes` does here, so that the two differ in the wait too; with [`WAIT`] they differ in the adversary alone.
 
 use rand_chacha::ChaCha8Rng;
+use vibes_model::World;
 
-use super::{Definition, Networks, Pictures, Rival, Value, Weights};
+use super::action_baseline::ActionBaseline;
+use super::{Condition, Definition, Networks, Pictures, Rival, Value, Weights};
 use crate::error::Result;
 use crate::learners::scene::{Predictions, Scene};
 use crate::settings::Settings;
+use crate::settings::own::{Declared, Kind};
+
+/// Whether it waits as `vibes` does.
+pub const WAIT: Declared = Declared {
+    flag: "wait",
+    kind: Kind::Choice { default: "no", among: &["no", "yes"] },
+    help: "Whether the dynamics term waits for the reward as with --objective vibes, by --dynamics-start and --dynamics-after (only with --objective no-adversary)",
+};
 
 /// The ablation without an adversary.
 #[derive(Debug)]
@@ -25,8 +37,22 @@ impl Definition for NoAdversary {
         "the next latent and the reward are predicted, without an adversary: the paper's ablation \"No Adv.\""
     }
 
-    fn networks(&self, _options: &Settings, _actions: usize) -> Networks {
-        Networks::default()
+    fn options(&self) -> &'static [Declared] {
+        &[WAIT]
+    }
+
+    fn networks(&self, options: &Settings, actions: usize) -> Networks {
+        let baseline = self.gate(options).filter(|condition| condition.gain > 0.0);
+        Networks { heads: baseline.map(|_| ActionBaseline::head(actions)).into_iter().collect(), ..Networks::default() }
+    }
+
+    fn gate(&self, options: &Settings) -> Option<Condition> {
+        let waits = options.own.text(&WAIT) == "yes";
+        waits.then_some(Condition { start: options.dynamics_start, gain: options.dynamics_after })
+    }
+
+    fn calibrated(&self, world: World, rewards: &[f32]) -> World {
+        ActionBaseline::calibrated(world, rewards)
     }
 
     fn takes_recipe(&self) -> bool {
@@ -38,7 +64,11 @@ impl Definition for NoAdversary {
     }
 
     fn value(&self, scene: &Scene<'_>, _rival: Rival<'_>, _rng: &mut ChaCha8Rng) -> Result<Value> {
-        Ok(value(&scene.predictions, Weights::of(scene)))
+        let value = value(&scene.predictions, Weights::of(scene));
+        match self.gate(scene.options).filter(|condition| condition.gain > 0.0) {
+            Some(_) => ActionBaseline::add(scene, value),
+            None => Ok(value),
+        }
     }
 }
 
