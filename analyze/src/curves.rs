@@ -19,7 +19,8 @@ pub struct CurvePoint {
     pub runs: usize,
 }
 
-/// The mean curve of several runs at `places` evenly spaced values of x, from the latest start to the furthest end.
+/// The mean curve of several runs at `places` evenly spaced values of x, from the latest start to the furthest end; where the runs have no more places than that among them,
+/// as with evaluations, at those.
 ///
 /// Each run is averaged over a window of one spacing around each place, and read off linearly between points where the window is empty. Runs that
 /// end early take part up to their end.
@@ -38,12 +39,17 @@ pub fn mean_curve(runs: &[Vec<(f64, f64)>], places: usize) -> Result<Vec<CurvePo
     }
     let spacing = ((end - start) / (places - 1) as f64).max(0.0);
     let count = if spacing > 0.0 { places } else { 1 };
-    let point = |place: usize| {
-        let x = start + spacing * place as f64;
-        let values: Vec<f64> = runs.iter().filter_map(|run| read(run, x, spacing)).collect();
+    let point = |x: f64, width: f64| {
+        let values: Vec<f64> = runs.iter().filter_map(|run| read(run, x, width)).collect();
         CurvePoint { x, y: student(&values), runs: values.len() }
     };
-    Ok((0..count).map(point).collect())
+    let mut own: Vec<f64> = runs.iter().flatten().map(|point| point.0).filter(|x| *x >= start).collect();
+    own.sort_by(f64::total_cmp);
+    own.dedup();
+    if own.len() <= places {
+        return Ok(own.into_iter().map(|x| point(x, 0.0)).collect());
+    }
+    Ok((0..count).map(|place| point(start + spacing * place as f64, spacing)).collect())
 }
 
 /// Finite points by rising x.
@@ -84,6 +90,12 @@ mod tests {
         // t(2) · s / √3 with s the deviation of 30, 60 and 90.
         assert!((third.y.high - third.y.estimate - 4.3027 * 30.0 / 3.0_f64.sqrt()).abs() < 10.0);
         assert!(mean_curve(&[vec![(0.0, f64::NAN)]], 5).is_err());
+        // Few points stay where they are.
+        let evaluations = [vec![(5.0, 1.0), (20.0, 3.0), (40.0, 2.0)], vec![(5.0, 2.0), (20.0, 5.0)]];
+        let curve = mean_curve(&evaluations, 3).unwrap();
+        let points: Vec<(f64, f64, usize)> =
+            curve.iter().map(|point| (point.x, point.y.estimate, point.runs)).collect();
+        assert_eq!(points, [(5.0, 1.5, 2), (20.0, 4.0, 2), (40.0, 2.0, 1)]);
         assert_eq!(mean_curve(&[vec![(5.0, 1.0)]], 5).unwrap().len(), 1);
     }
 }

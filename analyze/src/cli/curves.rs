@@ -210,7 +210,9 @@ fn group_curves(
             .filter_map(|(r, _)| r.series.get(metric));
         let members: Vec<Series> = members.filter(|s| s.iter().any(|p| p.1.is_finite())).cloned().collect();
         if !members.is_empty() {
-            let places = members.iter().map(Vec::len).max().unwrap_or(2).clamp(2, PLACES);
+            let points: usize = members.iter().map(Vec::len).sum();
+            let longest = members.iter().map(Vec::len).max().unwrap_or(2).clamp(2, PLACES);
+            let places = if points <= PLACES { PLACES } else { longest };
             curves.push(GroupCurve {
                 group: group.clone(),
                 points: mean_curve(&members, places)?,
@@ -232,8 +234,8 @@ fn figure(heading: Heading, runs: &[Run], names: &[String], curves: &[Shown<'_>]
         .iter()
         .map(|shown| Facet { metric: shown.title(), curves: shown.curves.iter().map(curve).collect() })
         .collect();
-    let axis =
-        runs.first().map_or("update", |r| r.clock.as_str()).replace("env_", "environment ").replace('_', " ") + "s";
+    let clock = runs.first().map_or("update", |r| r.clock.as_str()).replace("env_", "environment ").replace('_', " ");
+    let axis = if clock.ends_with('s') { clock } else { clock + "s" };
     Curves { heading, axis, groups: names.to_vec(), facets }
 }
 

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
+use serde_json::{Map, Value};
 use vibes_data::{Metrics, RunFolder, RunInfo};
 
 use super::InputError;
@@ -36,6 +36,8 @@ pub struct Run {
     pub clock: String,
     /// Every numeric metric.
     pub series: BTreeMap<String, Series>,
+    /// The numbers of the last evaluation of an online run, which has starts and a number of episodes of its own and so no place on a curve.
+    finals: BTreeMap<String, f64>,
     /// Lines of the metrics that could not be read (a run that was killed leaves at most one).
     pub broken_lines: usize,
 }
@@ -69,7 +71,8 @@ impl Run {
             }
         }
         let clock = clock.unwrap_or("update").to_string();
-        let mut run = Self { path: path.into(), name, info, clock, series, broken_lines: metrics.broken };
+        let (path, finals) = (path.into(), BTreeMap::new());
+        let mut run = Self { path, name, info, clock, series, finals, broken_lines: metrics.broken };
         run.add_held_out(&folder, &metrics)?;
         // Single checkpoints are evaluated in any order.
         run.series.values_mut().for_each(|series| series.sort_by(|a, b| a.0.total_cmp(&b.0)));
@@ -81,9 +84,17 @@ impl Run {
         let passed = passed(metrics, &self.clock);
         let over_training = Metrics::read(&folder.evaluations_path())?;
         self.broken_lines += over_training.broken;
-        for row in &over_training.lines {
-            let x = at(&passed, row.get("update").and_then(Value::as_f64));
+        let is_final = |row: &&Map<String, Value>| row.get("is_final") == Some(&Value::Bool(true));
+        let all_final = over_training.lines.iter().all(|row| is_final(&row));
+        for row in over_training.lines.iter().filter(|row| all_final || !is_final(row)) {
+            let own = row.get(&self.clock).and_then(Value::as_f64);
+            let x = own.unwrap_or_else(|| at(&passed, row.get("update").and_then(Value::as_f64)));
             self.add(HELD_OUT, &Value::Object(row.clone()), x);
+        }
+        if let Some(last) = over_training.lines.last().filter(is_final) {
+            numbers(HELD_OUT, &Value::Object(last.clone()), &mut |name, value| {
+                self.finals.insert(name.to_owned(), value);
+            });
         }
         for document in evaluations(&self.path)? {
             let x = at(&passed, update_of(&document));
@@ -98,24 +109,7 @@ impl Run {
 
     /// Adds every number of a document at `x`.
     fn add(&mut self, name: &str, value: &Value, x: f64) {
-        match value {
-            Value::Object(fields) => {
-                for (field, value) in fields.iter().filter(|(field, _)| !CLOCKS.contains(&field.as_str())) {
-                    self.add(&format!("{name}.{field}"), value, x);
-                }
-            }
-            Value::Number(number) => {
-                let points = self.series.entry(name.into()).or_default();
-                points.extend(number.as_f64().map(|y| (x, y)));
-            }
-            // An interval is a list of its ends.
-            Value::Array(ends) if ends.len() == 2 => {
-                for (end, value) in ["low", "high"].into_iter().zip(ends) {
-                    self.add(&format!("{name}.{end}"), value, x);
-                }
-            }
-            _ => {}
-        }
+        numbers(name, value, &mut |name, y| self.series.entry(name.to_owned()).or_default().push((x, y)));
     }
 
     /// The full name of a metric of this run; a number of `vibes-train evaluate` may be called as it is called there, as in `retrieval_same_step@1`.
@@ -129,10 +123,15 @@ impl Run {
         self.series.get_key_value(&format!("{NUMBERS}{metric}{ESTIMATE}"))
     }
 
-    /// Where a metric ended: the mean of its last tenth, at least one value. Of two of one name it is the number of the held-out grid, not of the batches.
+    /// Where a metric ended: the last evaluation's number, else the mean of its last tenth, at least one value. Of two of one name it is the number of the held-out grid, not of
+    /// the batches.
     #[must_use]
     pub fn final_value(&self, metric: &str) -> Option<f64> {
         let found = self.of_grid(metric).or_else(|| self.series.get_key_value(metric));
+        let name = found.map_or(metric, |(name, _)| name);
+        if let Some(value) = self.finals.get(name) {
+            return Some(*value);
+        }
         let series = found.map(|(_, series)| series).filter(|series| !series.is_empty())?;
         let count = (series.len() / 10).max(1);
         Some(series[series.len() - count..].iter().map(|point| point.1).sum::<f64>() / count as f64)
@@ -154,6 +153,28 @@ impl Run {
     #[must_use]
     pub fn updates(&self) -> Option<f64> {
         (self.clock == "update").then(|| self.series.values().filter_map(|s| s.last()).map(|p| p.0).fold(0.0, f64::max))
+    }
+}
+
+/// Every number of a document under its name, as in `held_out.gaps.dynamics_gap`; an interval is a list of its ends.
+fn numbers(name: &str, value: &Value, found: &mut dyn FnMut(&str, f64)) {
+    match value {
+        Value::Object(fields) => {
+            for (field, value) in fields.iter().filter(|(field, _)| !CLOCKS.contains(&field.as_str())) {
+                numbers(&format!("{name}.{field}"), value, found);
+            }
+        }
+        Value::Number(number) => {
+            if let Some(number) = number.as_f64() {
+                found(name, number);
+            }
+        }
+        Value::Array(ends) if ends.len() == 2 => {
+            for (end, value) in ["low", "high"].into_iter().zip(ends) {
+                numbers(&format!("{name}.{end}"), value, found);
+            }
+        }
+        _ => {}
     }
 }
 
@@ -279,6 +300,29 @@ mod tests {
             vec![(9000.0, 0.5)],
             "in the metrics' own clock"
         );
+    }
+
+    /// It has starts of its own, and evaluations know their own control steps.
+    #[test]
+    fn the_last_evaluation_is_where_a_run_ended_and_no_point_of_its_curve() {
+        let dir = tempfile::tempdir().expect("folder");
+        let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).expect("file");
+        write(
+            "metrics.jsonl",
+            "{\"control_steps\":500,\"update\":5,\"loss\":2.5}\n{\"control_steps\":1000,\"update\":9,\"loss\":2}\n",
+        );
+        let line = |steps: u32, mean: f64, is_final: bool| {
+            format!(
+                "{{\"control_steps\":{steps},\"update\":6,\"held_out\":{{\"mean_return\":{mean:.1},\"interval\":[1.5,9.5]}},\"is_final\":{is_final}}}\n"
+            )
+        };
+        write("evaluations.jsonl", &[line(600, 4.0, false), line(1000, 70.0, true)].concat());
+        let run = Run::read(dir.path()).expect("run");
+        assert_eq!(run.series["held_out.held_out.mean_return"], vec![(600.0, 4.0)]);
+        assert_eq!(run.final_value("held_out.held_out.mean_return"), Some(70.0));
+        write("evaluations.jsonl", &line(1000, 70.0, true));
+        let alone = Run::read(dir.path()).expect("run");
+        assert_eq!(alone.series["held_out.held_out.mean_return"], vec![(1000.0, 70.0)], "rather than none");
     }
 
     #[test]
