@@ -1,4 +1,4 @@
-//! What actor and critic can be asked for, and the two published recipes.
+//! What actor and critic can be asked for, and the recipes, after two published families.
 
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::Rng;
@@ -97,7 +97,8 @@ pub fn mixed() -> BehaviourOptions {
     BehaviourOptions { actions: ActionDistribution::BoundedNormal, ..gaussian() }
 }
 
-/// As Dreamer and RePo: tanh-normal actor, squared error, discount 0.99, backpropagation through the dynamics.
+/// The family of Dreamer and RePo: tanh-normal actor, squared error, discount 0.99, backpropagation through the dynamics. Unlike there, returns are divided by their range, a slow copy
+/// of the critic ends them, and the step sizes are this toolkit's.
 pub fn gaussian() -> BehaviourOptions {
     BehaviourOptions {
         actions: ActionDistribution::TanhNormal,
@@ -123,7 +124,8 @@ pub fn gaussian() -> BehaviourOptions {
     }
 }
 
-/// As `DreamerV3`: bounded normal, two-hot critic that a slow copy holds back and recorded rewards teach too, discount 1 − 1/333.
+/// The family of `DreamerV3`: bounded normal, two-hot critic that a slow copy holds back and recorded rewards teach too, discount 1 − 1/333. Unlike there, the actor learns through the dynamics
+/// unless `--gradient reinforce` says otherwise, and the step sizes are this toolkit's.
 pub fn dreamer_v3() -> BehaviourOptions {
     BehaviourOptions {
         actions: ActionDistribution::BoundedNormal,
