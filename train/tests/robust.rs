@@ -73,7 +73,7 @@ fn a_number_that_is_none_ends_the_run_and_keeps_what_was_lived_through() {
     let line = format!("{VECTORS} --lr 1e18 --lr-warmup 0");
     for _ in 0..2 {
         // The same command meets the same number again, and nothing else is wrong by then.
-        fails(command(&line, 800, &run), 1, &["diverged", "lower --lr"]);
+        fails(command(&line, 800, &run), 1, &["diverged", "lower step sizes (--lr, --actor-lr"]);
         assert!(run.join("replay/episodes/000002.arrow").is_file());
         let last = RunFolder::at(&run).newest_checkpoint().map(|at| at.join("model.safetensors"));
         let finite = |path: std::path::PathBuf| {
