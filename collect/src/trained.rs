@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use vibes_data::{RunFolder, find_place};
+use vibes_data::RunFolder;
 use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::{Look, RenderSettings};
 use vibes_env::videos::VideoSource;
@@ -72,16 +72,10 @@ pub fn home(run: &Path) -> Home {
     let read = || serde_json::from_str(&std::fs::read_to_string(run.join("online.json")).ok()?).ok();
     let online: serde_json::Value = online.or_else(read).unwrap_or_default();
     let world = &online["world"];
-    let videos = serde_json::from_value(world["videos"].clone()).ok().map(|videos| match videos {
-        VideoSource::Folder(place) => {
-            let found = find_place(&place.to_string_lossy(), run, Path::is_dir);
-            VideoSource::Folder(found.unwrap_or_else(|| run.join(place)))
-        }
-        VideoSource::Procedural => VideoSource::Procedural,
-    });
+    let videos: Option<VideoSource> = serde_json::from_value(world["videos"].clone()).ok();
     Home {
         distractors: serde_json::from_value(world["distractors"].clone()).ok(),
-        videos,
+        videos: videos.map(|videos| videos.found(run)),
         video_count: world["video_count"].as_u64().and_then(|count| usize::try_from(count).ok()),
         task: info.as_ref().and_then(|info| info.task()).map(str::to_owned),
         action_repeat: world["action_repeat"].as_u64().and_then(|repeat| u32::try_from(repeat).ok()),

@@ -17,7 +17,7 @@ use std::time::UNIX_EPOCH;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use vibes_data::{BackgroundFrame, Video};
+use vibes_data::{BackgroundFrame, Video, find_place};
 
 use crate::error::{Error, Result};
 pub(crate) use resample::SUITE_SIDE;
@@ -122,6 +122,18 @@ impl VideoSource {
         }
         let [train, val] = self.lists(count)?;
         Ok(if set == VideoSet::Train { train } else { val })
+    }
+
+    /// The same as a file of `folder` has it: a folder of videos is named from there, and is where it is found.
+    #[must_use]
+    pub fn found(&self, folder: &Path) -> Self {
+        match self {
+            Self::Folder(place) => {
+                let found = find_place(&place.to_string_lossy(), folder, Path::is_dir);
+                Self::Folder(found.unwrap_or_else(|| folder.join(place)))
+            }
+            Self::Procedural => Self::Procedural,
+        }
     }
 
     fn path(&self) -> PathBuf {

@@ -224,6 +224,7 @@ fn an_option_that_has_no_effect_is_an_error() {
         ("vibes-train online run --preset tiny -o made", "--preset"),
         ("vibes-train online run --calibrate false -o made", "--calibrate"),
         ("vibes-train online --task cartpole-swingup --agent sac --guard 2 -o made", "--guard"),
+        ("vibes-train offline sample --from run --reward-floor 0.2 -o made", "--reward-floor"),
         ("vibes-train info run --device flex", "--device"),
         ("vibes-train evaluate run nowhere --probe-episodes 3", "--probe-episodes"),
         ("vibes-train bench --system rsac --batch 3", "--batch"),

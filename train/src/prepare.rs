@@ -102,16 +102,25 @@ pub(crate) fn same_model(from: &Path, wanted: &ModelConfig) -> Result<()> {
     Err(TrainError::OtherModel { found: text(found), wanted: text(wanted), path: from.to_owned() })
 }
 
-fn observation_kind(recording: &Recording, wanted: Observations) -> Result<ObservationKind> {
-    let spec = &recording.manifest().spec;
+/// The observations of a recording or a world that are wanted, pictures before vectors; none where it has none.
+pub(crate) fn observations_of(spec: &Spec, wanted: Observations) -> Option<ObservationKind> {
     let pixels =
         spec.pixels.map(|size| ObservationKind::Pixels { height: size.height as usize, width: size.width as usize });
     let vector = Some(spec.observation_len()).filter(|&len| len > 0).map(|len| ObservationKind::Vector { len });
-    let (kind, name) = match wanted {
-        Observations::Auto => (pixels.or(vector), "observations"),
-        Observations::Pixels => (pixels, "pixels"),
-        Observations::Vectors => (vector, "vector observations"),
+    match wanted {
+        Observations::Auto => pixels.or(vector),
+        Observations::Pixels => pixels,
+        Observations::Vectors => vector,
+    }
+}
+
+fn observation_kind(recording: &Recording, wanted: Observations) -> Result<ObservationKind> {
+    let name = match wanted {
+        Observations::Auto => "observations",
+        Observations::Pixels => "pixels",
+        Observations::Vectors => "vector observations",
     };
+    let kind = observations_of(&recording.manifest().spec, wanted);
     kind.ok_or_else(|| TrainError::OtherRecording {
         found: format!("no {name}"),
         wanted: name.to_owned(),

@@ -6,7 +6,6 @@ use anyhow::Result;
 use clap::Args;
 use vibes_command::{Given, options_of};
 use vibes_data::Recording;
-use vibes_train::TrainError;
 use vibes_train::bench::{Sizes, bench, bench_agent, bench_online};
 use vibes_train::learners::model_free::AgentOptions;
 use vibes_train::learners::sac::options::Size;
@@ -15,7 +14,7 @@ use vibes_train::options::Options;
 
 use super::Context;
 use super::device::DeviceArgs;
-use super::flags::OptionArgs;
+use super::flags::{OptionArgs, refuse};
 
 #[derive(Debug, Args)]
 pub(crate) struct BenchArgs {
@@ -59,14 +58,8 @@ impl BenchArgs {
     fn check_given(&self) -> Result<()> {
         let model = if self.system.is_some() { options_of::<OptionArgs>() } else { Vec::new() };
         let of_task: &[&str] = if self.online.is_some() { &["size", "actions"] } else { &[] };
-        let idle = self.given.first_of(model.iter().map(String::as_str).chain(of_task.iter().copied()));
-        match idle {
-            Some(option) => {
-                let beside = if self.system.is_some() { "--system" } else { "--online" };
-                anyhow::bail!(TrainError::Options(format!("{option} has no effect with {beside}; leave it out")))
-            }
-            None => Ok(()),
-        }
+        let beside = if self.system.is_some() { "with --system" } else { "with --online" };
+        refuse(&self.given, model.iter().map(String::as_str).chain(of_task.iter().copied()), beside)
     }
 }
 

@@ -5,11 +5,21 @@ use clap::builder::PossibleValuesParser;
 use clap::{Arg, ArgMatches, Args, FromArgMatches};
 use serde::Serialize;
 use toml::{Table, Value};
+use vibes_command::Given;
+use vibes_train::TrainError;
 use vibes_train::learners::declared;
 use vibes_train::learners::objective::Objective;
 use vibes_train::options::Options;
 use vibes_train::options::presets::PRESETS;
 use vibes_train::settings::own::Kind;
+
+/// That none of these options was given, which would have no effect.
+pub(crate) fn refuse<'a>(given: &Given, options: impl IntoIterator<Item = &'a str>, why: &str) -> Result<()> {
+    match given.first_of(options) {
+        Some(option) => anyhow::bail!(TrainError::Options(format!("{option} has no effect {why}; leave it out"))),
+        None => Ok(()),
+    }
+}
 
 /// What to start from, and what lies over it.
 #[derive(Debug, Clone, Args)]

@@ -7,14 +7,13 @@ use anyhow::Result;
 use clap::Args;
 use vibes_command::{Ending, Given, stop_on_signals};
 use vibes_data::Recording;
-use vibes_train::TrainError;
 use vibes_train::fit::{End, Event, Go, HeldOut, fit};
 use vibes_train::options::Options;
 use vibes_train::prepare::prepare;
 use vibes_train::run::Run;
 
 use super::device::DeviceArgs;
-use super::flags::OptionArgs;
+use super::flags::{OptionArgs, refuse};
 use super::progress::Progress;
 use super::window_log::WindowLog;
 use super::{Context, default_run};
@@ -52,7 +51,11 @@ pub(crate) struct OfflineArgs {
 
 pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
     let options = args.options.resolve()?;
-    check_settled(&args.given, args.from.is_some())?;
+    if args.from.is_some() {
+        // The model that is gone on with has its unit of reward.
+        let settled = ["reward_scale", "reward_floor"];
+        refuse(&args.given, settled, "with --from: the run that is gone on from has it settled")?;
+    }
     let recordings = args.recordings.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>()?;
     let output = args.output.unwrap_or_else(|| default_run(&args.recordings[0], options.objective.name()));
     let held_out = args.eval.as_ref().map(|path| Recording::open(path)).transpose()?;
@@ -74,19 +77,6 @@ pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
     log.map_or(Ok(()), WindowLog::finish)?;
     report(context, &run, &options, end)?;
     Ok(if end == End::Stopped { Ending::Again } else { Ending::Done })
-}
-
-/// That the unit of reward was not asked for where a model is gone on with, which has its own.
-fn check_settled(given: &Given, goes_on: bool) -> Result<()> {
-    match given.first_of(["reward_scale", "reward_floor"]).filter(|_| goes_on) {
-        Some(option) => {
-            let text = format!(
-                "{option} has no effect with --from: the run that is gone on from has it settled; leave it out"
-            );
-            anyhow::bail!(TrainError::Options(text))
-        }
-        None => Ok(()),
-    }
 }
 
 fn report(context: &Context, run: &Run, options: &Options, end: End) -> Result<()> {

@@ -9,6 +9,7 @@ use anyhow::Result;
 use clap::Args;
 use vibes_command::{Ending, Given, options_of, stop_on_signals};
 use vibes_data::Metrics;
+use vibes_env::videos::VideoSource;
 use vibes_train::TrainError;
 use vibes_train::fit::{End, Go};
 use vibes_train::online::model_free::folder::Folder;
@@ -158,9 +159,8 @@ fn world_of(run: &Run) -> Result<WorldOptions> {
         world.steps = vibes_env::EPISODE_CONTROL_STEPS.div_ceil(world.action_repeat);
         let recorded = |option: &str| manifest.options.get(option).cloned().unwrap_or_default();
         world.look = serde_json::from_value(recorded("look")).unwrap_or(world.look);
-        if let Ok(videos) = serde_json::from_value(recorded("videos")) {
-            world = WorldOptions { videos, ..world }.found(first.path());
-        }
+        let videos: Option<VideoSource> = serde_json::from_value(recorded("videos")).ok();
+        world.videos = videos.map_or(world.videos, |videos| videos.found(first.path()));
     }
     world.size = match model.observation {
         vibes_model::ObservationKind::Pixels { height, .. } => Some(height as u32),

@@ -118,11 +118,11 @@ pub(super) fn drop_beyond(path: &Path, next: u64, control_steps: u64, finished: 
     };
     let is_kept = |line: &&str| {
         let line: Option<serde_json::Value> = serde_json::from_str(line).ok();
-        line.and_then(|line| {
+        line.is_some_and(|line| {
             let is_unsaved = !finished && line["is_final"] == true;
-            line["control_steps"].as_u64().map(|steps| steps < next && !(is_unsaved && steps >= control_steps))
+            let end = if is_unsaved { next.min(control_steps) } else { next };
+            line["control_steps"].as_u64().is_some_and(|steps| steps < end)
         })
-        .unwrap_or(false)
     };
     let kept: String = text.lines().filter(is_kept).flat_map(|line| [line, "\n"]).collect();
     Ok(write_atomically(path, kept.as_bytes())?)

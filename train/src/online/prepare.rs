@@ -13,7 +13,7 @@ use super::options::{OnlineOptions, WorldOptions};
 use crate::error::{Result, TrainError};
 use crate::learners::behaviour::BehaviourOptions;
 use crate::options::Options;
-use crate::prepare::same_model;
+use crate::prepare::{observations_of, same_model};
 use crate::run::{Run, RunInfo, versions};
 use crate::settings::Observations;
 
@@ -209,15 +209,8 @@ fn check_repeats(given: &[Recording], action_repeat: u32) -> Result<()> {
 }
 
 fn observation_kind(spec: &Spec, wanted: Observations) -> Result<ObservationKind> {
-    let pixels =
-        spec.pixels.map(|size| ObservationKind::Pixels { height: size.height as usize, width: size.width as usize });
-    let vector = Some(spec.observation_len()).filter(|&len| len > 0).map(|len| ObservationKind::Vector { len });
-    let (kind, wanted) = match wanted {
-        Observations::Auto => (pixels.or(vector), "auto"),
-        Observations::Pixels => (pixels, "pixels"),
-        Observations::Vectors => (vector, "vectors"),
-    };
-    kind.ok_or_else(|| {
+    observations_of(spec, wanted).ok_or_else(|| {
+        let wanted = format!("{wanted:?}").to_lowercase();
         let text = format!("--observations {wanted} asks for what there is not: with --no-pixels nothing is drawn; leave out one of the two");
         TrainError::Options(text)
     })

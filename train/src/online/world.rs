@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use vibes_data::{Manifest, Spec, Video, find_place, relative_place};
+use vibes_data::{Manifest, Spec, Video, relative_place};
 use vibes_env::render::RenderSettings;
 use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 use vibes_env::{Environment, EnvironmentOptions, Eyes, Heading};
@@ -82,14 +82,7 @@ impl WorldOptions {
     /// The same as a file of this folder has it, with its folder of videos where it is.
     #[must_use]
     pub fn found(&self, folder: &Path) -> Self {
-        let videos = match &self.videos {
-            VideoSource::Folder(path) => {
-                let found = find_place(&path.to_string_lossy(), folder, Path::is_dir);
-                VideoSource::Folder(found.unwrap_or_else(|| folder.join(path)))
-            }
-            source => source.clone(),
-        };
-        Self { videos, ..self.clone() }
+        Self { videos: self.videos.found(folder), ..self.clone() }
     }
 
     /// The header of the recording in `folder`, with options that the collector reads like those of its own recordings.

@@ -11,7 +11,7 @@ use vibes_train::options::Options;
 
 use super::OnlineArgs;
 use super::args::BehaviourArgs;
-use crate::cli::flags::OptionArgs;
+use crate::cli::flags::{OptionArgs, refuse};
 use crate::cli::model_free::ModelFreeArgs;
 
 impl OnlineArgs {
@@ -31,10 +31,7 @@ impl OnlineArgs {
 
     /// That none of these options was given.
     pub(super) fn refuse<'a>(&self, options: impl IntoIterator<Item = &'a str>, why: &str) -> Result<()> {
-        match self.given.first_of(options) {
-            Some(option) => anyhow::bail!(TrainError::Options(format!("{option} has no effect {why}; leave it out"))),
-            None => Ok(()),
-        }
+        refuse(&self.given, options, why)
     }
 
     /// That nothing was given that this agent, or a world like this, does not look at.
