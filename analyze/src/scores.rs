@@ -100,9 +100,9 @@ fn in_order<'n>(names: impl Iterator<Item = &'n String>) -> Vec<String> {
 }
 
 /// Mark the best entry of a column and those whose intervals overlap its. Without an interval an entry stands for its mean alone; alone in its column,
-/// an entry is the best of nothing.
+/// an entry is the best of nothing, and where no entry has an interval nothing says that a difference is more than chance.
 fn mark(mut column: Vec<&mut Entry>) {
-    if column.len() < 2 {
+    if column.len() < 2 || column.iter().all(|entry| entry.score.low.is_nan()) {
         return;
     }
     // Where low is good, all numbers change sign.
@@ -359,5 +359,8 @@ reconstruction  100 ± 25    710 ± 2 *    405
         let marks: Vec<Mark> = (0..3).filter_map(|row| table.entries[row][0]).map(|entry| entry.mark).collect();
         assert_eq!(marks, [Mark::Plain, Mark::Best, Mark::Tied]);
         assert_eq!(score_table(&[run("a", "gap", 3.0)]).entries[0][0].map(|e| e.mark), Some(Mark::Plain), "alone");
+        let single = score_table(&[run("a", "gap", 3.0), run("b", "gap", 4.0)]);
+        let marks: Vec<Mark> = (0..2).filter_map(|row| single.entries[row][0]).map(|entry| entry.mark).collect();
+        assert_eq!(marks, [Mark::Plain, Mark::Plain], "one run each says nothing of chance");
     }
 }

@@ -53,6 +53,9 @@ pub struct RecordOptions {
     /// The trained runs among the policies.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub acting: Vec<ActedBy>,
+    /// The protocol of the trained run that acts, where whole episodes of that run's own world are recorded: numbers of another world are not the protocol's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub protocol: Option<String>,
     /// Degrees by which the states were turned about the origin after they were simulated; see [`vibes_env::Task::rotate`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotated: Option<f64>,

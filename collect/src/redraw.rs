@@ -78,6 +78,8 @@ impl Redraw {
                 camera: seed(new.axis_seeds.camera, seeds.camera),
                 color: seed(new.axis_seeds.color, seeds.color),
             },
+            // Drawn under other distractors than those that its returns were earned under.
+            protocol: None,
             rotated: Some(turned).filter(|&turned| turned != 0.0),
             ..old.clone()
         }

@@ -36,6 +36,7 @@ fn options(task: &str) -> RecordOptions {
         look: Look::Fast,
         axis_seeds: ChosenSeeds::default(),
         acting: Vec::new(),
+        protocol: None,
         rotated: None,
     }
 }

@@ -26,7 +26,9 @@ pub use eyes::Eyes;
 pub use gaussian::standard_normal;
 pub use heading::Heading;
 pub use physics::{ModelOverrides, Physics, PhysicsSnapshot, Start};
-pub use policies::{Chosen, Planner, Policy, PolicyMix, PolicySpec, Random, Replay, Sight, SingleRandom, Trained};
+pub use policies::{
+    Chosen, HeldRandom, Planner, Policy, PolicyMix, PolicySpec, Random, Replay, Sight, SingleRandom, Trained,
+};
 pub use rollout::{EpisodeSeeds, Playing, StateTrajectory, rollout, rollout_frames};
 pub use seeds::{ChosenSeeds, distractor_seed, state_seed};
 pub use tasks::{

@@ -1,6 +1,6 @@
 //! Whoever acts: a [`Policy`] begins an episode and chooses an action at every agent step, from what it may see.
 //!
-//! In: a policy as typed (`random`, `planner:noise=0.3`, `actions:FILE`, a run's folder), or a mix of them with weights; at every agent step a
+//! In: a policy as typed (`random`, `random:hold=10`, `planner:noise=0.3`, `actions:FILE`, a run's folder), or a mix of them with weights; at every agent step a
 //! [`Sight`]: the vector observation, the picture, and for planners the simulator. Out: an action in the task's own bounds.
 //! The policies that need no training live here; a trained agent is one more ([`Trained`]), made by whoever has its networks.
 
@@ -22,7 +22,7 @@ use crate::{Environment, EnvironmentOptions, Error, Result, Start};
 pub use actions::Replay;
 pub use mix::PolicyMix;
 pub use planner::Planner;
-pub use random::{Random, SingleRandom};
+pub use random::{HeldRandom, Random, SingleRandom};
 pub use trained::{Chosen, Trained};
 
 /// What a policy may look at when it chooses an action.
@@ -61,8 +61,11 @@ pub trait Policy: fmt::Debug {
 /// A policy as asked for.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PolicySpec {
-    /// Uniform in the action bounds, anew every agent step.
-    Random,
+    /// Uniform in the action bounds.
+    Random {
+        /// Agent steps for which each action is held, 1 or more.
+        hold: u32,
+    },
     /// Predictive sampling on the true simulator, with the task's own reward.
     Planner {
         /// Standard deviation of the noise added to the executed action, as a share of half the action range.
@@ -80,15 +83,14 @@ pub enum PolicySpec {
     },
 }
 
-const EXPECTED: &str =
-    "the policies are random, planner, planner:noise=SIGMA, actions:FILE and the folder of a trained run";
+const EXPECTED: &str = "the policies are random, random:hold=STEPS, planner, planner:noise=SIGMA, actions:FILE and the folder of a trained run";
 
 impl PolicySpec {
     /// The same policy with its file or folder, if it has one, somewhere else.
     #[must_use]
     pub fn with_path(&self, moved: &dyn Fn(&Path) -> PathBuf) -> Self {
         match self {
-            Self::Random | Self::Planner { .. } => self.clone(),
+            Self::Random { .. } | Self::Planner { .. } => self.clone(),
             Self::Actions { path } => Self::Actions { path: moved(path) },
             Self::Run { path } => Self::Run { path: as_folder(moved(path)) },
         }
@@ -100,7 +102,7 @@ impl PolicySpec {
     /// For a file of actions that cannot be read, and for [`PolicySpec::Run`], which only a program that has the networks can load.
     pub fn policy(&self, task: &str, options: EnvironmentOptions) -> Result<Box<dyn Policy>> {
         Ok(match self {
-            Self::Random => Box::new(Random),
+            Self::Random { hold } => Box::new(HeldRandom::new(*hold)),
             Self::Planner { noise } => Box::new(Planner::new(task, options, *noise)?),
             Self::Actions { path } => Box::new(Replay::read(path)?),
             Self::Run { .. } => {
@@ -122,7 +124,7 @@ impl PolicySpec {
     pub fn check(&self, steps: u32, action_len: usize) -> Result<()> {
         match self {
             Self::Actions { path } => Replay::read(path)?.check(steps, action_len),
-            Self::Random | Self::Planner { .. } | Self::Run { .. } => Ok(()),
+            Self::Random { .. } | Self::Planner { .. } | Self::Run { .. } => Ok(()),
         }
     }
 }
@@ -140,7 +142,13 @@ impl FromStr for PolicySpec {
             |fact: &str| Error::Policy { text: text.to_owned(), fact: fact.to_owned(), expected: EXPECTED.to_owned() };
         let (name, rest) = text.split_once(':').map_or((text, None), |(name, rest)| (name, Some(rest)));
         match (name, rest) {
-            ("random", None) => Ok(Self::Random),
+            ("random", None) => Ok(Self::Random { hold: 1 }),
+            ("random", Some(option)) => {
+                let number = option.strip_prefix("hold=").ok_or_else(|| refused("random's only option is hold"))?;
+                let hold = number.parse().ok().filter(|hold| *hold > 0);
+                hold.map(|hold| Self::Random { hold })
+                    .ok_or_else(|| refused("hold is a number of agent steps from 1 up"))
+            }
             ("planner", None) => Ok(Self::Planner { noise: 0.0 }),
             ("planner", Some(option)) => {
                 let number =
@@ -151,7 +159,6 @@ impl FromStr for PolicySpec {
             }
             ("actions", Some(path)) if !path.is_empty() => Ok(Self::Actions { path: path.into() }),
             ("actions", _) => Err(refused("actions needs a file")),
-            ("random", Some(_)) => Err(refused("random takes no options")),
             // A run is named by its folder, which may hold a colon.
             _ if text.contains('/') || Path::new(text).is_dir() => Ok(Self::Run { path: text.into() }),
             _ => Err(refused("no such policy and no such folder")),
@@ -162,7 +169,8 @@ impl FromStr for PolicySpec {
 impl fmt::Display for PolicySpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Random => f.write_str("random"),
+            Self::Random { hold: 1 } => f.write_str("random"),
+            Self::Random { hold } => write!(f, "random:hold={hold}"),
             Self::Planner { noise } if *noise > 0.0 => write!(f, "planner:noise={noise}"),
             Self::Planner { .. } => f.write_str("planner"),
             Self::Actions { path } => write!(f, "actions:{}", path.display()),
@@ -177,9 +185,18 @@ mod tests {
 
     #[test]
     fn what_is_typed_is_what_is_shown() {
-        for text in ["random", "planner", "planner:noise=0.3", "actions:runs/a:b.json", "runs/reacher", "./runs:1/a"] {
+        for text in [
+            "random",
+            "random:hold=10",
+            "planner",
+            "planner:noise=0.3",
+            "actions:runs/a:b.json",
+            "runs/reacher",
+            "./runs:1/a",
+        ] {
             assert_eq!(text.parse::<PolicySpec>().unwrap().to_string(), text);
         }
+        assert_eq!("random:hold=1".parse::<PolicySpec>().unwrap(), PolicySpec::Random { hold: 1 });
         assert_eq!("planner:noise=0".parse::<PolicySpec>().unwrap(), PolicySpec::Planner { noise: 0.0 });
     }
 
@@ -189,6 +206,9 @@ mod tests {
             "",
             "Random",
             "random:0.3",
+            "random:hold=0",
+            "random:hold=-2",
+            "random:hold=1.5",
             "planner:",
             "planner:0.3",
             "planner:noise=-1",

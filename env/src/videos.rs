@@ -75,6 +75,16 @@ pub enum VideoSource {
 }
 
 impl VideoSource {
+    /// `procedural`, or the name of the folder without its place.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Procedural => "procedural".to_owned(),
+            Self::Folder(folder) => {
+                folder.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+            }
+        }
+    }
+
     /// The names of the first `count` videos of a set, all of them (for the procedural source as many as DAVIS has) without a count.
     ///
     /// # Errors

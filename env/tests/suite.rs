@@ -8,9 +8,9 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use vibes_data::{About, Quantity};
 use vibes_env::{
-    Environment, EnvironmentOptions, Eyes, KNOWN_SLIDE, Planner, PlannerSettings, Policy, Random, SingleRandom,
-    Snapshot, Start, StateTrajectory, all_example_tasks, example_tasks, known_reward, large_example_tasks, rollout,
-    suite_tasks, symmetric_tasks, task_help, task_names,
+    Environment, EnvironmentOptions, Eyes, HeldRandom, KNOWN_SLIDE, Planner, PlannerSettings, Policy, Random,
+    SingleRandom, Snapshot, Start, StateTrajectory, all_example_tasks, example_tasks, known_reward,
+    large_example_tasks, rollout, suite_tasks, symmetric_tasks, task_help, task_names,
 };
 
 /// Every task, and the one that is for tests.
@@ -222,6 +222,21 @@ fn uniform_actions_of_either_precision_stay_within_the_bounds() {
         for action in double.actions.iter().chain(&single.actions) {
             let mut pairs = action.iter().zip(bounds.min.iter().zip(&bounds.max));
             assert!(pairs.all(|(number, (low, high))| (low..=high).contains(&number)), "{task}: {action:?}");
+        }
+    }
+}
+
+/// A held action is the same for so many steps and then another, also in an episode after one that ended amid a hold.
+#[test]
+fn a_held_random_action_changes_when_its_steps_are_over() {
+    let mut policy = HeldRandom::new(4);
+    for seed in [3, 4] {
+        let mut eyes = Eyes::blind(environment("reacher-easy")).unwrap();
+        let actions = rollout(&mut eyes, &mut policy, 10, seed.into()).unwrap().actions;
+        let held = rollout(&mut eyes, &mut HeldRandom::new(1), 10, seed.into()).unwrap().actions;
+        assert_eq!(held, rollout(&mut eyes, &mut Random, 10, seed.into()).unwrap().actions);
+        for (step, pair) in actions.windows(2).enumerate() {
+            assert_eq!(pair[0] != pair[1], (step + 1) % 4 == 0, "{step}");
         }
     }
 }

@@ -46,8 +46,7 @@ impl Chosen {
     }
 }
 
-/// At most `most` of the episodes, with their numbers among them: evenly spread over the list, and of several recordings as many state trajectories as there can be,
-/// before a second view of any. `actions` gives all actions of the episode at a place of the list; it is asked only where the episodes are of several recordings.
+/// At most `most` of the episodes, with their numbers among them: as many state trajectories as there can be, before a second view of any, evenly spread over the list. `actions` gives all actions of the episode at a place of the list; it is asked only where the episodes are of several recordings.
 /// Those of one recording keep their numbers.
 ///
 /// # Errors
@@ -58,8 +57,9 @@ pub fn chosen<E>(
     mut actions: impl FnMut(usize) -> Result<Vec<f32>, E>,
 ) -> Result<Vec<Chosen>, E> {
     if all.iter().all(|one| one.recording == all[0].recording) {
-        let every = all.len().div_ceil(most.max(1)).max(1);
-        return Ok((0..all.len()).step_by(every).map(|place| as_recorded(all, place)).collect());
+        let states: Option<Vec<u32>> = all.iter().map(|one| one.cell.map(|cell| cell.0)).collect();
+        let places = spread(states.as_deref(), all.len(), most);
+        return Ok(places.into_iter().map(|place| as_recorded(all, place)).collect());
     }
     let taken = (0..all.len()).map(&mut actions).collect::<Result<Vec<_>, E>>()?;
     let states = views(&taken);
@@ -151,9 +151,11 @@ mod tests {
         let all: Vec<Episode> = (0..10).map(|index| episode(0, 7 * index, Some((index / 5, index % 5)))).collect();
         let refuse = |_: usize| Err("asked");
         let some = chosen(&all, 4, refuse).unwrap();
-        assert_eq!(some.iter().map(|one| one.place).collect::<Vec<_>>(), [0, 3, 6, 9], "evenly spread");
+        assert_eq!(some.iter().map(|one| one.place).collect::<Vec<_>>(), [0, 1, 6, 7], "of every state alike");
         assert_eq!(some[2], Chosen { place: 6, episode: 42, state: Some(1), distractor: Some(1) });
         assert_eq!(chosen(&all, usize::MAX, refuse).unwrap().len(), 10);
+        let alone: Vec<Episode> = (0..101).map(|index| episode(0, index, None)).collect();
+        assert_eq!(chosen(&alone, 100, refuse).unwrap().len(), 100, "as many as may be looked at");
         assert!(chosen(&[], 4, refuse).unwrap().is_empty());
     }
 

@@ -126,7 +126,8 @@ fn of_grid(grid: &Grid<'_>, options: &GridOptions) -> Result<Vec<Number>, Error>
         let found = retrieval_same_step(grid, k, &mut rng())?;
         numbers.push(number(format!("retrieval_same_step@{k}"), found.found, found.chance));
     }
-    let others = (grid.states().len() - 1) * grid.distractors().len() * grid.steps().len();
+    // Those under other distractors than the row's own.
+    let others = grid.states().len() * (grid.distractors().len() - 1) * grid.steps().len();
     for &k in options.k.iter().filter(|&&k| k <= others) {
         let asked = RetrievalOptions { k, tolerance: options.tolerance, queries: options.queries };
         let found = retrieval_any_step(grid, asked, &mut rng())?;

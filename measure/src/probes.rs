@@ -110,6 +110,12 @@ pub struct ProbeScore {
     pub groups: usize,
 }
 
+/// The factor that makes a dimension's standard deviation 1; 0 where it does not vary: beside the largest second moment of all dimensions, whatever their unit, what is left
+/// is rounding.
+fn inverse_deviation(variance: f64, largest: f64) -> f64 {
+    if variance > 1e-12 * largest { variance.sqrt().recip() } else { 0.0 }
+}
+
 /// A score as its share of the way from chance to 1: an accuracy over chance, and an R², whose chance is 0, as it is.
 #[must_use]
 pub fn over_chance(score: f64, chance: f64) -> f64 {

@@ -103,7 +103,8 @@ impl Moments {
         if !covariance.iter().all(|value| value.is_finite()) {
             return Err(failed("values that are not finite".to_owned()));
         }
-        if variance <= 1e-12 {
+        // Beside the size of the values, whatever their unit is: what is left is rounding.
+        if variance <= 1e-14 * (&self.products.diag() / count).sum() {
             return Ok(Spectrum { effective_rank: 0.0, variance: 0.0 });
         }
         let values = covariance.eigvalsh().map_err(|source| failed(source.to_string()))?;
@@ -120,6 +121,10 @@ mod tests {
     fn rank_counts_the_directions_that_vary() {
         let line: Vec<f32> = (0..10).flat_map(|i| [i as f32, 2.0 * i as f32, 0.5]).collect();
         assert!((spectrum(&line, 3).unwrap().effective_rank - 1.0).abs() < 1e-6);
+        // The same directions in another unit.
+        let small: Vec<f32> = line.iter().map(|value| value * 1e-9).collect();
+        assert!((spectrum(&small, 3).unwrap().effective_rank - 1.0).abs() < 1e-6);
+        assert_eq!(spectrum(&[0.3, 0.5].repeat(7), 2).unwrap().effective_rank, 0.0, "nothing varies");
         let square = [1.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, -1.0];
         let found = spectrum(&square, 2).unwrap();
         assert!((found.effective_rank - 2.0).abs() < 1e-9 && (found.variance - 1.0).abs() < 1e-9);

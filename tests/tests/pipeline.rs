@@ -103,6 +103,34 @@ fn a_run_without_a_world_model_is_a_run() {
     }
 }
 
+/// A run that began from nothing learned from its replay: that is a recording like any other, which is encoded, searched for neighbours (the paper's twenty queries) and fits the
+/// probes and the gaps of an evaluation, whose numbers stand beside the run's returns.
+#[test]
+fn an_online_run_is_analysed_on_its_replay_as_it_lies() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let line = "vibes-train online --task reacher-easy --preset tiny --size 16 --steps 20 --prefill 2 --video-count 1 --first-updates 4";
+    run(
+        folder,
+        &format!("{line} --control-steps 240 --rows-per-step 8 --evaluation-episodes 1 --final-episodes 1 -o runs/own"),
+    );
+    run(folder, "vibes-train encode runs/own runs/own/replay -o replay.arrow");
+    assert_eq!(Latents::read(&folder.join("replay.arrow")).unwrap().len(), 3 * 21);
+    let said = run(folder, "vibes-analyze nn --latents replay.arrow --queries 20 --json");
+    let said: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(said["queries"].as_array().map(Vec::len), Some(20), "{said}");
+    run(
+        folder,
+        "vibes-collect --policy runs/own --grid 2x2 --steps 20 --size 16 --video-set val --no-mcap -o recordings/grid",
+    );
+    let said = run(folder, "vibes-train evaluate runs/own recordings/grid --gap-updates 2 --json");
+    let said: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert!(said["gaps"]["dynamics_gap"].is_number(), "{said}");
+    let table =
+        run(folder, "vibes-analyze table runs/own --metrics retrieval_same_step@1,held_out.held_out.mean_return");
+    assert!(table.contains("vibes"), "{table}");
+}
+
 /// One definition for every number: latents measured by the trainer, and the same latents measured from disk by the analyzer, give the same numbers under the same
 /// names, to the last digit: fitted on several recordings, one of which shows another's states again, too.
 #[test]

@@ -40,12 +40,15 @@ impl TrainedRun {
         }
     }
 
-    /// The recordings it learned from; of an agent without a world model, what it lived through.
+    /// The recordings it learned from; of an agent that was given none, what it lived through.
     ///
     /// # Errors
     /// One of them is gone or damaged.
     pub fn open_recordings(&self) -> Result<Vec<Recording>> {
         match self {
+            Self::World(run) if run.info().recordings.is_empty() => {
+                Ok(vec![Recording::open(&run.path().join("replay"))?])
+            }
             Self::World(run) => run.open_recordings(),
             Self::ModelFree(folder) => folder.open_recordings(),
         }

@@ -7,11 +7,11 @@ mod process;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use process::{assert_same, kill_until_done, lines, text};
+use process::{assert_same, files, kill_until_done, lines, text};
 use serde_json::Value as Json;
 use vibes_data::{Recording, verify_recording};
 
-/// Episodes of 40 agent steps (80 control steps), 20 updates an episode, three random episodes, a checkpoint every 40 updates.
+/// Episodes of 40 agent steps (80 control steps), 21 updates and a quarter an episode, three random episodes, a checkpoint every 40 updates.
 const QUICK: [&str; 20] = [
     "--task",
     "known-slide",
@@ -23,7 +23,7 @@ const QUICK: [&str; 20] = [
     "--steps",
     "40",
     "--rows-per-step",
-    "16",
+    "17",
     "--prefill",
     "3",
     "--first-updates",
@@ -75,12 +75,12 @@ fn a_run_counts_in_both_units_and_leaves_a_sound_recording() {
     assert!(replay.episodes()[..3].iter().all(|entry| entry.policy == "random"));
     assert!(replay.episodes()[3].policy.starts_with("online:update="));
     assert!(verify_recording(&replay).is_empty());
-    // 12 episodes of 20 updates each, but for the random ones and the last, and the first 20.
+    // 12 episodes of 21 updates and a quarter each, but for the random ones and the last, and the first 20.
     let newest = std::fs::read_dir(folder.join("checkpoints")).unwrap().count();
     assert!(newest >= 1);
-    assert_eq!(lines(&folder.join("metrics.jsonl")).last().unwrap()["update"], 20 + 8 * 20);
+    assert_eq!(lines(&folder.join("metrics.jsonl")).last().unwrap()["update"], 20 + 8 * 85 / 4);
     let page = std::fs::read_to_string(folder.join("summary.md")).unwrap();
-    assert!(page.contains("* no recordings: its own") && page.contains("## After 180 updates, 960 control"), "{page}");
+    assert!(page.contains("* no recordings: its own") && page.contains("## After 190 updates, 960 control"), "{page}");
     // The same command has nothing left to do.
     let again = run(&folder, &WHOLE);
     assert!(again.status.success() && text(&again).contains("already"), "{}", text(&again));
@@ -155,4 +155,14 @@ fn what_cannot_be_is_refused_with_what_would_be_right() {
     assert!(changed.contains("discount = 0.99, asked for was 0.5"), "{changed}");
     let guarded = text(&run(&run_folder, &["--control-steps", "240", "--guard", "1"]));
     assert!(guarded.contains("guard = 0.0, asked for was 1.0"), "{guarded}");
+    // What is refused changes nothing, and a copy that was kept is no run to go on with.
+    let kept = folder.path().join("kept");
+    let keep = process::program().arg("keep").arg(&run_folder).arg("-o").arg(&kept).output().unwrap();
+    assert!(keep.status.success(), "{}", text(&keep));
+    let before = [&run_folder, &kept].map(|run| files(run));
+    let noisier = ["--control-steps", "240", "--exploration", "0.7"];
+    assert!(text(&run(&run_folder, &noisier)).contains("exploration = 0.3"));
+    assert!(refused(&["kept", "--control-steps", "480"]).contains("kept copy"));
+    assert!(text(&run(&kept, &["--control-steps", "480"])).contains("kept copy"));
+    assert!([&run_folder, &kept].map(|run| files(run)) == before, "a file has changed");
 }

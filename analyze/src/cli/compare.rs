@@ -22,6 +22,12 @@ pub(super) struct Options {
     /// Where the output goes [default: the folder `figures` beside the first table].
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
+    /// The recording that all were encoded from, whose past actions are the control [default: the one that their metadata names].
+    #[arg(long, value_name = "FOLDER")]
+    recording: Option<PathBuf>,
+    /// Go on without the recording: no control.
+    #[arg(long, conflicts_with = "recording")]
+    no_frames: bool,
     /// Seed of everything random.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -34,7 +40,12 @@ impl Options {
     /// The options of a verb that is run by another: what is not named has its default.
     pub(super) fn of(tables: &[PathBuf], output: &Path, seed: u64, note: Option<&str>) -> Self {
         let output = Some(output.to_path_buf());
-        Self { tables: tables.to_vec(), output, seed, note: note.map(String::from) }
+        Self { tables: tables.to_vec(), output, recording: None, no_frames: false, seed, note: note.map(String::from) }
+    }
+
+    /// The same with the recording named, or left out.
+    pub(super) fn with_recording(self, recording: Option<&Path>, no_frames: bool) -> Self {
+        Self { recording: recording.map(Path::to_path_buf), no_frames, ..self }
     }
 }
 
@@ -69,7 +80,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let mut sessions = Vec::new();
     for table in &options.tables {
         let out = options.output.clone().or_else(|| sessions.first().map(|s: &Session| s.out.clone()));
-        let input = Input::named(Some(table), None, out.as_deref(), options.seed, options.note.as_deref());
+        let recording = options.recording.as_deref();
+        let input = Input::named(Some(table), recording, out.as_deref(), options.seed, options.note.as_deref())
+            .less_frames(options.no_frames);
         sessions.push(Session::open(&input, globals, "compare", json!({ "tables": options.tables }))?);
     }
     same_rows(&sessions)?;

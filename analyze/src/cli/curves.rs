@@ -239,10 +239,9 @@ fn figure(heading: Heading, runs: &[Run], names: &[String], curves: &[Shown<'_>]
     Curves { heading, axis, groups: names.to_vec(), facets }
 }
 
-/// The interval, closed where only one run reaches.
-fn band(y: &Interval) -> (f64, f64) {
-    let end = |v: f64| if v.is_finite() { v } else { y.estimate };
-    (end(y.low), end(y.high))
+/// The interval; none where only one run reaches, whose mean nothing says how sure it is of.
+fn band(y: &Interval) -> Option<(f64, f64)> {
+    (y.low.is_finite() && y.high.is_finite()).then_some((y.low, y.high))
 }
 
 /// The final values of a metric, one a run that has it.
@@ -276,7 +275,7 @@ fn foot(compared: bool, line: &str) -> String {
     } else {
         String::new()
     };
-    format!("mean of the last tenth{marks}")
+    format!("last evaluation, else mean of the last tenth{marks}")
 }
 
 /// Where training ended: groups x tasks, the form of the paper's Table 1, with the mean over tasks where there are several.

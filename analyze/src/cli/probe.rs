@@ -82,6 +82,9 @@ impl Options {
     }
 }
 
+/// Most lines of the chart, so that it can be drawn at all: an imported recording may have hundreds of observations.
+const CHARTED: usize = 200;
+
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
     options.check()?;
     let most = (!options.fit.is_empty()).then_some(options.probe_episodes);
@@ -102,10 +105,17 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     };
     let (latent, actions) = (scores(0)?, scores(1)?);
     let shown = Shown { sections: &asked.sections, quantities: &asked.own, latent, actions };
-    let chart = shown.chart(session.heading("What can be read from the latent"));
-    session.save(&Figure::ProbeChart(chart), "probes")?;
     let fitted_on = fitted_on(options, fitted.as_ref(), &session.out);
     shown.write(&mut session, &fitted_on)?;
+    let mut chart = shown.chart(session.heading("What can be read from the latent"));
+    if chart.rows.len() > CHARTED {
+        session.remark(format!(
+            "the chart shows the first {CHARTED} of {} quantities; all are in probes.arrow",
+            chart.rows.len()
+        ));
+        chart.rows.truncate(CHARTED);
+    }
+    session.save(&Figure::ProbeChart(chart), "probes")?;
     let line = line(&shown, fitted.as_ref());
     Ok(session.finish(line))
 }

@@ -33,6 +33,9 @@ pub(super) struct Options {
     /// The recording the latents were encoded from; the one their metadata names unless given.
     #[arg(long, value_name = "FOLDER")]
     recording: Option<PathBuf>,
+    /// Go on without the recording: no pictures, no task state.
+    #[arg(long, conflicts_with = "recording")]
+    no_frames: bool,
     /// Where the output goes [default: the folder `figures` beside the first latents].
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
@@ -112,6 +115,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
 fn source(options: &Options, input: Option<&Path>) -> Input {
     Input::named(input, options.recording.as_deref(), options.output.as_deref(), options.seed, options.note.as_deref())
         .joined(&options.join)
+        .less_frames(options.no_frames)
 }
 
 /// The name of the folder that latents lie in, with their own unless it is `latents`: a run may hold several tables.
@@ -151,7 +155,8 @@ fn chapter(
     session.out = folder.to_path_buf();
     let frames = session.frames()?;
     if frames.is_none() {
-        page.map_remarks.push(format!("the latents of {title} name no recording, so there are no frames"));
+        let fact = if options.no_frames { "are shown without their recording" } else { "name no recording" };
+        page.map_remarks.push(format!("the latents of {title} {fact}, so there are no frames"));
     }
     let made = MapOptions::default().map(&mut session, globals)?;
     page.maps.push(live_map(options, &session, &title, &made, frames.as_ref())?);
@@ -187,7 +192,7 @@ const SILENT: Globals = Globals { verbose: false, quiet: true, json: false };
 /// Runs a verb on one table of latents.
 fn ask(options: &Options, verb: Verb, latents: &Path, folder: &Path) -> anyhow::Result<Outcome> {
     let (recording, note) = (options.recording.as_deref(), options.note.as_deref());
-    let input = Input::named(Some(latents), recording, Some(folder), options.seed, note);
+    let input = Input::named(Some(latents), recording, Some(folder), options.seed, note).less_frames(options.no_frames);
     match verb {
         Verb::Nn => nn::run(&nn::Options::of(input), &SILENT),
         Verb::Umap => umap::run(&umap::Options::of(input.into_table()), &SILENT),
@@ -229,7 +234,8 @@ fn side_by_side(options: &Options, globals: &Globals, out: &Path) -> Chapter {
     say(globals, "report: compare");
     let reading = "Tables of the same recording. Good: the share of the state high, that of the distractor low, the same state found far more often than by chance.";
     let section = Section { title: "Which is more invariant?".into(), reading: reading.into(), ..Section::default() };
-    let compared = compare::Options::of(&options.runs, out, options.seed, options.note.as_deref());
+    let compared = compare::Options::of(&options.runs, out, options.seed, options.note.as_deref())
+        .with_recording(options.recording.as_deref(), options.no_frames);
     let mut sections = vec![answer(compare::run(&compared, &SILENT), section).0];
     if options.runs.iter().all(|run| run.join("decoded.arrow").is_file()) {
         let section = Section { title: SHOWN.0.into(), reading: SHOWN.1.into(), ..Section::default() };

@@ -100,6 +100,11 @@ impl Input {
         self.table.output.clone()
     }
 
+    /// The same, going on without the recording if that is asked for.
+    pub(super) fn less_frames(self, no_frames: bool) -> Self {
+        Self { no_frames: self.no_frames || no_frames, ..self }
+    }
+
     /// The same with tables of the user's own beside the latents.
     pub(super) fn joined(self, tables: &[PathBuf]) -> Self {
         Self { table: TableInput { join: tables.to_vec(), ..self.table }, ..self }

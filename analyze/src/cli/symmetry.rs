@@ -71,6 +71,12 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         json!({ "pairs": options.pairs, "tolerance": options.tolerance, "rotated": options.rotated }),
     )?;
     let frames = session.needed_frames("symmetry")?;
+    if frames.recording().manifest().spec.pixels.is_none() {
+        return Err(wrong(format!(
+            "a state and its rotated twin are compared with rows that look as different, and this recording has no pictures; draw it with vibes-collect render: {}",
+            frames.recording().path().display()
+        )));
+    }
     let asked = SymmetryOptions { pairs: options.pairs, tolerance: options.tolerance, ..SymmetryOptions::default() };
     let mut rng = session.rng();
     let mut all_states = states(&session.latents, &frames)?;
@@ -91,10 +97,8 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let numbers = numbers(&measured, of_actions.as_ref());
     let bars = bars(&session, &measured, of_actions.as_ref(), of_distance.as_ref());
     session.save(&Figure::Bars(bars), "symmetry")?;
-    if rows.frames[0].recording().manifest().spec.pixels.is_some() {
-        let sheet = sheet(&session, &rows, &measured);
-        session.save(&Figure::NeighbourSheet(sheet), "symmetry-pairs")?;
-    }
+    let sheet = sheet(&session, &rows, &measured);
+    session.save(&Figure::NeighbourSheet(sheet), "symmetry-pairs")?;
     let key = |row: usize| rows.key(row);
     let pairs: Vec<_> = measured
         .pairs
@@ -246,7 +250,8 @@ impl Rows {
 
 /// Whether the recording is of a task with the symmetry, and has all that the measure needs.
 pub(super) fn applies(frames: &Frames) -> bool {
-    place_of_target(&frames.recording().manifest().spec).is_some()
+    let spec = &frames.recording().manifest().spec;
+    spec.pixels.is_some() && place_of_target(spec).is_some()
 }
 
 /// Where the vector from the finger to the target begins in the observation, of a task that says of itself that it has the symmetry (an older recording says nothing) and has

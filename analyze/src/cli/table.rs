@@ -15,7 +15,7 @@ use crate::scores::{Mark, RunScore, ScoreTable, Style, score_table};
 
 /// Write a table over runs: mean and 95% interval of any metric, by any keys.
 ///
-/// The best of each column is bold, and those whose interval overlaps with its are underlined. A run's metric is the mean of its last tenth. Keys are what run.json holds (`objective`, `task`, `seed`, or in full `options.model.latent`) and `run`,
+/// The best of each column is bold, and those whose interval overlaps with its are underlined. A run's metric is that of its last evaluation, else the mean of its last tenth. Keys are what run.json holds (`objective`, `task`, `seed`, or in full `options.model.latent`) and `run`,
 /// the folder's name; of a table of results they are its columns. Written as Markdown, LaTeX, CSV, Parquet and as a figure.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
@@ -45,6 +45,9 @@ pub(super) struct Options {
     note: Option<String>,
 }
 
+/// Most rows of the figure, so that it can be drawn at all.
+const DRAWN: usize = 200;
+
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
     let rows = options.rows.as_deref().map(str::parse).transpose().map_err(|e: RowsError| wrong(e.to_string()))?;
     let results = Results::open(&options.runs)?;
@@ -64,8 +67,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         _ => "Mean and 95% interval over runs".into(),
     };
     let heading = Heading::new(title).with_note(options.note.clone());
-    let of = if results.are_runs() { "mean of the last tenth; " } else { "" };
-    files.extend(Figure::Table(figure(heading, &table, &corner, averages, of)).save(&out, "table")?);
+    let of = if results.are_runs() { "last evaluation, else mean of the last tenth; " } else { "" };
     let document = output::document(
         &json!({
             "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "table", "by": by, "where": options.rows,
@@ -76,6 +78,15 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let path = out.join("table.json");
     output::write_json(&path, &document)?;
     files.push(path);
+    let mut remarks = Vec::new();
+    if table.methods.len() > DRAWN {
+        remarks.push(format!(
+            "no figure of {} rows is drawn (at most {DRAWN}); all are in the other files",
+            table.methods.len()
+        ));
+    } else {
+        files.extend(Figure::Table(figure(heading, &table, &corner, averages, of)).save(&out, "table")?);
+    }
     let names: Vec<&str> = metrics.iter().map(|metric| metric.name.as_str()).collect();
     let body: Vec<String> = text.lines().map(|line| format!("  {line}")).collect();
     let marks = if terminal { "bold: best; underlined" } else { "*: best; ~" };
@@ -85,7 +96,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         if rows == 1 { "run" } else { "runs" },
         body.join("\n")
     );
-    Ok(Outcome { line, remarks: Vec::new(), files, json: document })
+    Ok(Outcome { line, remarks, files, json: document })
 }
 
 /// The metrics asked for, or those that the results have.

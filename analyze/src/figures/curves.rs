@@ -20,8 +20,8 @@ pub struct Curve {
     pub x: Vec<f64>,
     /// The mean over the group's runs.
     pub mean: Vec<f64>,
-    /// The interval at each x; empty for a single run.
-    pub band: Vec<(f64, f64)>,
+    /// The interval at each x, none where a single run reaches; empty for a single run.
+    pub band: Vec<Option<(f64, f64)>>,
 }
 
 /// One metric.
@@ -79,7 +79,7 @@ impl Facet {
             if lo <= hi { (lo, hi) } else { (0.0, 1.0) }
         };
         let x = finite(&mut self.curves.iter().flat_map(|c| c.x.iter().copied()));
-        let bands = self.curves.iter().flat_map(|c| c.band.iter().flat_map(|b| [b.0, b.1]));
+        let bands = self.curves.iter().flat_map(|c| c.band.iter().flatten().flat_map(|b| [b.0, b.1]));
         let (y0, y1) = finite(&mut self.curves.iter().flat_map(|c| c.mean.iter().copied()).chain(bands));
         let pad = 0.04 * (y1 - y0);
         let y = (y0 - pad, y1 + pad);
@@ -93,13 +93,12 @@ impl Facet {
 impl Curve {
     fn draw(&self, chart: &mut Chart<'_, '_>) -> Drawn {
         let color = kind(self.group);
-        if self.band.len() == self.x.len() && self.x.len() > 1 {
-            let upper = self.x.iter().zip(&self.band).map(|(&x, band)| (x, band.1));
-            let lower = self.x.iter().zip(&self.band).rev().map(|(&x, band)| (x, band.0));
-            let area: Vec<(f64, f64)> = upper.chain(lower).collect();
-            if area.iter().all(|p| p.1.is_finite()) {
-                chart.draw_series([Polygon::new(area, rgba(color.alpha(0.22)))])?;
-            }
+        let band: Vec<(f64, Option<(f64, f64)>)> = self.x.iter().copied().zip(self.band.iter().copied()).collect();
+        for part in band.split(|(_, interval)| interval.is_none()).filter(|part| part.len() > 1) {
+            let ends = || part.iter().filter_map(|&(x, interval)| interval.map(|(low, high)| (x, low, high)));
+            let upper = ends().map(|(x, _, high)| (x, high));
+            let area: Vec<(f64, f64)> = upper.chain(ends().rev().map(|(x, low, _)| (x, low))).collect();
+            chart.draw_series([Polygon::new(area, rgba(color.alpha(0.22)))])?;
         }
         // A value that is not a number breaks the line instead of joining its neighbours.
         let points: Vec<(f64, f64)> = self.x.iter().copied().zip(self.mean.iter().copied()).collect();

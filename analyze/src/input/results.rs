@@ -1,6 +1,6 @@
 //! Results of many runs as one table: a row a run, from run folders and from tables of a user's own.
 //!
-//! In: paths, and the names of what is asked for. Of a run folder these are its metrics (the mean of the last tenth), what `run.json` holds under that
+//! In: paths, and the names of what is asked for. Of a run folder these are its metrics (the last evaluation's, else the mean of the last tenth), what `run.json` holds under that
 //! name (`objective`, or in full `options.model.latent`), its `task`, and `run`, the folder's name; of a table, its columns. Out: rows of numbers and
 //! texts, those that an expression chooses.
 

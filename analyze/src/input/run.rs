@@ -96,11 +96,13 @@ impl Run {
                 self.finals.insert(name.to_owned(), value);
             });
         }
+        // Evaluations of an online run are of returns alone, and leave room for a grid's numbers.
+        let has_grid = over_training.lines.iter().any(|row| row.contains_key("numbers"));
         for document in evaluations(&self.path)? {
             let x = at(&passed, update_of(&document));
             self.add("held_out.gaps", &document["gaps"], x);
             // The report of a checkpoint may be of another grid than the one over training.
-            if over_training.lines.is_empty() {
+            if !has_grid {
                 self.add(HELD_OUT, &document["report"], x);
             }
         }
@@ -135,6 +137,12 @@ impl Run {
         let series = found.map(|(_, series)| series).filter(|series| !series.is_empty())?;
         let count = (series.len() / 10).max(1);
         Some(series[series.len() - count..].iter().map(|point| point.1).sum::<f64>() / count as f64)
+    }
+
+    /// A number of the last evaluation of an online run that has ended, by its full name.
+    #[must_use]
+    pub fn last_evaluation(&self, name: &str) -> Option<f64> {
+        self.finals.get(name).copied()
     }
 
     /// The objective the run was trained with, if `run.json` says.
@@ -320,6 +328,14 @@ mod tests {
         let run = Run::read(dir.path()).expect("run");
         assert_eq!(run.series["held_out.held_out.mean_return"], vec![(600.0, 4.0)]);
         assert_eq!(run.final_value("held_out.held_out.mean_return"), Some(70.0));
+        let report = "{\"numbers\":{\"state_share\":{\"estimate\":0.75}}}";
+        write(
+            "evaluation.json",
+            &format!("{{\"checkpoint\":\"checkpoints/000009/model.safetensors\",\"report\":{report}}}"),
+        );
+        let evaluated = Run::read(dir.path()).expect("run");
+        assert_eq!(evaluated.series["held_out.numbers.state_share.estimate"], vec![(1000.0, 0.75)]);
+        assert_eq!(evaluated.final_value("state_share"), Some(0.75), "of a grid, beside returns");
         write("evaluations.jsonl", &line(1000, 70.0, true));
         let alone = Run::read(dir.path()).expect("run");
         assert_eq!(alone.series["held_out.held_out.mean_return"], vec![(1000.0, 70.0)], "rather than none");

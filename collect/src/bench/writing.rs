@@ -168,6 +168,7 @@ fn record_some(task: &str, pictures: RenderSettings, threads: usize, path: &Path
         look: pictures.look,
         axis_seeds: ChosenSeeds::default(),
         acting: Vec::new(),
+        protocol: None,
         rotated: None,
     };
     let stop = AtomicBool::new(false);

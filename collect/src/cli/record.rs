@@ -38,7 +38,7 @@ pub(super) struct RecordArgs {
     /// Independent episodes, each with its own distractors [default: 10].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=999_999))]
     episodes: Option<u32>,
-    /// Behaviour: random, planner, planner:noise=SIGMA, actions:FILE, or the folder of a trained run.
+    /// Behaviour: random, random:hold=STEPS, planner, planner:noise=SIGMA, actions:FILE, or the folder of a trained run.
     #[arg(long, default_value = "random", conflicts_with = "mix")]
     policy: PolicySpec,
     /// Several behaviours with weights, as in random:0.3,planner:noise=0.3:0.4,planner:0.3.
@@ -120,7 +120,7 @@ impl RecordArgs {
             _ => Home::default(),
         };
         let (distractors, videos, video_count) = self.distraction(&home);
-        let task = self.task.clone().or(home.task).unwrap_or_else(|| DEFAULT_TASK.to_owned());
+        let task = self.task.clone().or(home.task.clone()).unwrap_or_else(|| DEFAULT_TASK.to_owned());
         let action_repeat = self.action_repeat.or(home.action_repeat);
         let options = EnvironmentOptions { action_repeat, raw_torques: self.raw_torques };
         let environment = Environment::new(&task, options)?;
@@ -130,7 +130,7 @@ impl RecordArgs {
         let mix = self.mix.clone().unwrap_or_else(|| PolicyMix::of(self.policy.clone()));
         let episodes =
             self.grid.map_or(self.episodes.unwrap_or(DEFAULT_EPISODES), |grid| grid.states * grid.distractors);
-        Ok(RecordOptions {
+        let mut options = RecordOptions {
             task: task.clone(),
             policy: mix.to_string(),
             grid: self.grid,
@@ -153,8 +153,11 @@ impl RecordArgs {
                     _ => None,
                 })
                 .collect::<crate::Result<_>>()?,
+            protocol: None,
             rotated: None,
-        })
+        };
+        options.protocol = home.protocol(&options);
+        Ok(options)
     }
 
     /// The distractors, where their videos come from, and how many: what was typed, else those that the run which acts was trained under.
@@ -230,7 +233,8 @@ pub(super) fn record_with_progress(
     let episodes = recording.episodes().len();
     if output.json {
         let returns = Returns::of(&recording);
-        let said = Said { recording: folder, episodes, seconds: meter.seconds(), returns };
+        let protocol = recording.manifest().options["protocol"].as_str();
+        let said = Said { recording: folder, episodes, seconds: meter.seconds(), protocol, returns };
         println!("{}", serde_json::to_string(&said)?);
     } else if !output.quiet {
         if rows.into_inner() == 0 {
@@ -251,6 +255,8 @@ struct Said<'a> {
     recording: &'a Path,
     episodes: usize,
     seconds: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    protocol: Option<&'a str>,
     #[serde(flatten)]
     returns: Option<Returns>,
 }

@@ -183,10 +183,11 @@ struct Candidates {
 
 impl Candidates {
     fn new(k: usize, error: f32, query_norm: f32) -> Self {
-        let full = 4 * k + 32;
+        // No more room at first than a usual k needs: whether there are k rows at all is known at the end.
+        let full = k.saturating_mul(4).saturating_add(32);
         let slack = 2.0 * error * query_norm;
         let (kinds, latest) = (HashMap::new(), (0, 0));
-        Self { k, error, slack, bound: f32::INFINITY, rows: Vec::with_capacity(full), full, kinds, latest }
+        Self { k, error, slack, bound: f32::INFINITY, rows: Vec::with_capacity(full.min(1024)), full, kinds, latest }
     }
 
     /// Whether a row of a kind of equals can be among the `k` nearest: rows come in order, and ties go to the earlier ones, so no more than `k` of a kind can.

@@ -8,6 +8,7 @@ use rand::Rng;
 use rand::seq::index;
 use rayon::prelude::*;
 
+use super::inverse_deviation;
 use super::quantity::{Predictions, Targets};
 use crate::{Error, Table};
 
@@ -83,9 +84,11 @@ impl Model {
             let mean = (0..fitted.len()).map(|at| latent(at, dim)).sum::<f64>() / fitted.len() as f64;
             let square =
                 (0..fitted.len()).map(|at| (latent(at, dim) - mean).powi(2)).sum::<f64>() / fitted.len() as f64;
-            (mean, if square > 1e-12 * (1.0 + mean * mean) { square.sqrt().recip() } else { 0.0 })
+            (mean, square)
         };
-        let (mean, scale): (Vec<f64>, Vec<f64>) = (0..table.dims()).map(moments).unzip();
+        let (mean, variance): (Vec<f64>, Vec<f64>) = (0..table.dims()).map(moments).unzip();
+        let largest = mean.iter().zip(&variance).map(|(mean, variance)| variance + mean * mean).fold(0.0, f64::max);
+        let scale = variance.into_iter().map(|variance| inverse_deviation(variance, largest)).collect();
         let labels: Array1<usize> = fitted.iter().map(|&at| classes[at]).collect();
         let mut present = labels.to_vec();
         present.sort_unstable();

@@ -8,6 +8,7 @@ use ndarray::{Array1, Array2, Axis, s};
 use rayon::prelude::*;
 
 use super::deal::{Deal, PARTS};
+use super::inverse_deviation;
 use super::quantity::Targets;
 use crate::{Error, Table};
 
@@ -137,10 +138,8 @@ impl Moments {
             let mut line = centred.row_mut(dim);
             line -= &shift;
         }
-        let scale = Array1::from_shape_fn(dims, |dim| {
-            let variance = centred[[dim, dim]];
-            if variance > 1e-12 * (1.0 + mean[1 + dim].powi(2)) { variance.sqrt().recip() } else { 0.0 }
-        });
+        let largest = (0..dims).map(|dim| centred[[dim, dim]] + mean[1 + dim].powi(2)).fold(0.0, f64::max);
+        let scale = Array1::from_shape_fn(dims, |dim| inverse_deviation(centred[[dim, dim]], largest));
         let mut gram = Array2::from_shape_fn((dims, dims), |(a, b)| centred[[a, b]] * scale[a] * scale[b]);
         gram.diag_mut().mapv_inplace(|x| x + lambda);
         let mut weights = centred.slice(s![.., dims..]).to_owned() * scale.view().insert_axis(Axis(1));

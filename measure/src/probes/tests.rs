@@ -62,6 +62,26 @@ fn probes_find_what_is_there_and_nothing_else() {
     assert_eq!(side.measure, "accuracy");
 }
 
+/// Latents of a collapsed encoder may vary by less than a millionth; what they hold is read all the same.
+#[test]
+fn probes_do_not_ask_for_the_latents_unit() {
+    let (values, episode, step) = latents();
+    let small: Vec<f32> = values.iter().map(|value| value * 1e-8).collect();
+    let side = Quantity {
+        name: "side".to_owned(),
+        hold_out: HoldOut::State,
+        values: Values::Classes((0..2000).map(|row| u32::from(values[row * 6 + 3] > 0.4)).collect()),
+    };
+    let quantities = [numbers("linear", (0..2000).map(|row| f64::from(values[row * 6]))), side];
+    let [large, small] = [&values, &small].map(|values| {
+        let table = Table::new(6, values, &episode, &step).unwrap();
+        let scores = within(&table, &quantities, 3).unwrap();
+        ["linear", "side"].map(|name| find(&scores, name, Probe::Linear).score.estimate)
+    });
+    assert!(large.iter().zip(small).all(|(large, small)| (large - small).abs() < 1e-3), "{large:?} {small:?}");
+    assert!(small[0] > 0.99 && small[1] > 0.8, "{small:?}");
+}
+
 /// A quantity that is constant within an episode and follows no rule: only a probe that has seen the episode could know it.
 #[test]
 fn held_out_trajectories_are_held_out() {

@@ -53,7 +53,8 @@ impl Instructions {
         }
     }
 
-    /// Runs `work` compiled for these instructions. What `work` calls must be `#[inline(always)]` to profit.
+    /// Runs `work` compiled for these instructions. `work` itself, also a closure, and what it calls must be `#[inline(always)]` to profit: what is not inlined is compiled for the
+    /// target's minimum, where a fused multiply-add is a call of a function and takes a hundred times as long.
     ///
     /// # Panics
     /// If the processor does not have them.
@@ -66,18 +67,38 @@ impl Instructions {
                 |_| work(),
             ),
             #[cfg(target_arch = "x86_64")]
-            #[expect(unsafe_code, reason = "calls a function compiled for more instructions than the target's minimum")]
-            Self::Avx2 => {
-                // In every build: the call below is sound only after it. It reads what the processor was asked once.
-                assert!(self.available(), "{self:?} asked for on a processor without it");
-                // SAFETY: the processor has them, as was just checked.
-                unsafe { with_avx2(work) }
-            }
+            Self::Avx2 => HasAvx2::checked().run(work),
             _ => {
                 assert!(self.available(), "{self:?} asked for on a processor without it");
                 work()
             }
         }
+    }
+}
+
+/// Proof that this processor has the instructions of [`Instructions::Avx2`]: only a check makes one.
+#[cfg(target_arch = "x86_64")]
+#[derive(Clone, Copy, Debug)]
+pub(super) struct HasAvx2(());
+
+#[cfg(target_arch = "x86_64")]
+impl HasAvx2 {
+    /// The proof, by asking the processor, in every build; what it answered once is read again.
+    ///
+    /// # Panics
+    /// If the processor does not have them.
+    #[inline]
+    pub(super) fn checked() -> Self {
+        assert!(Instructions::Avx2.available(), "AVX2 asked for on a processor without it");
+        Self(())
+    }
+
+    /// Runs `work` compiled for these instructions, as [`Instructions::run`].
+    #[inline]
+    #[expect(unsafe_code, reason = "calls a function compiled for more instructions than the target's minimum")]
+    fn run<R>(self, work: impl FnOnce() -> R) -> R {
+        // SAFETY: the processor has them: `self` is the proof.
+        unsafe { with_avx2(work) }
     }
 }
 

@@ -6,6 +6,8 @@
 use super::instructions::Instructions;
 
 #[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
 mod avx512;
 mod portable;
 
@@ -68,10 +70,9 @@ impl<const ROW: usize, const STEP: usize> Left<'_, ROW, STEP> {
         match instructions {
             #[cfg(target_arch = "x86_64")]
             Instructions::Avx512 => avx512::tile::<ROW, STEP>(shape, left, right, rows, out, add),
-            Instructions::Avx2 => {
-                instructions.run(|| portable::tile::<ROW, STEP, true>(shape, left, right, rows, out, add));
-            }
-            _ => portable::tile::<ROW, STEP, false>(shape, left, right, rows, out, add),
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx2 => avx2::tile::<ROW, STEP>(shape, left, right, rows, out, add),
+            _ => portable::tile::<ROW, STEP>(shape, left, right, rows, out, add),
         }
     }
 }
@@ -90,3 +91,6 @@ impl Shape {
         (rows - 1) * ROW + (self.outer - 1) * self.outer_step + (self.inner - 1) * STEP
     }
 }
+
+#[cfg(test)]
+mod tests;

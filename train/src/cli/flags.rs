@@ -80,10 +80,10 @@ struct OptionFlags {
     /// Share of the dynamics term's gradient that reaches the encoder (1 as the paper writes it).
     #[arg(long)]
     dynamics_weight: Option<f64>,
-    /// Updates before which none of that gradient reaches the encoder (only with --objective vibes).
+    /// Updates before which none of that gradient reaches the encoder (only with --objective vibes, or no-adversary --wait yes).
     #[arg(long)]
     dynamics_start: Option<u64>,
-    /// Nats by which the reward must be predicted better than from past actions alone before any of that gradient reaches the encoder (only with --objective vibes).
+    /// Nats by which the reward must be predicted better than from past actions alone before any of that gradient reaches the encoder (only with --objective vibes, or no-adversary --wait yes).
     #[arg(long)]
     dynamics_after: Option<f64>,
     /// Updates, after that, over which its share rises from 0 to --dynamics-weight.

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use vibes_command::{Ending, stop_on_signals};
+use vibes_data::Metrics;
 use vibes_train::fit::{End, Go};
 use vibes_train::learners::model_free::AgentOptions;
 use vibes_train::learners::recurrent::options::RecurrentOptions;
@@ -235,7 +236,12 @@ pub(crate) fn run(context: &Context, folder: &Folder, device: DeviceArgs) -> Res
     })?;
     if context.json {
         let end = format!("{end:?}").to_lowercase();
-        println!("{}", serde_json::json!({ "run": folder.path(), "end": end }));
+        let last = Metrics::read(&folder.places().evaluations_path())?.lines.pop();
+        let protocol = folder.options().online.protocol;
+        println!(
+            "{}",
+            serde_json::json!({ "run": folder.path(), "end": end, "protocol": protocol, "evaluation": last })
+        );
     } else if !context.quiet {
         match end {
             End::Nothing => {

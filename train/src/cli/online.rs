@@ -140,7 +140,7 @@ impl OnlineArgs {
             return Ok(prepare::again(path, &model, options)?);
         }
         self.check_beginning(Beginning::Offline)?;
-        let mut options = prepare::default_options(world_of(&found)?, true);
+        let mut options = prepare::default_options(world_of(&found)?, self.work.takes_recordings());
         self.lay_over(&mut options)?;
         self.check_given(false, &options)?;
         let output = self.output.clone().unwrap_or_else(|| beside(path));

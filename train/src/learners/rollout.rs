@@ -44,17 +44,31 @@ pub fn rows(x: &Tensor<3>, from: usize, count: usize) -> Tensor<3> {
     x.clone().narrow(0, from, count).reshape([1, count * batch, width])
 }
 
+/// All steps ahead are read at once, `[1, reach · N, …]`: those of one step for all starts, then those of the next. A step at a time would pay for every operation as often as
+/// there are steps.
 impl Rollout {
-    /// Mean over the first `reach` steps and the starts that count of a log-likelihood per start, `[1, N, …]`, asked for by how many steps ahead it is; 0 where no
-    /// start counts.
-    pub fn mean(&self, reach: usize, of_step: impl Fn(usize, &Gaussian) -> Tensor<3>) -> Tensor<1> {
-        let reach = reach.min(self.latents.len());
-        let ahead = self.latents[..reach].iter().enumerate();
-        let sums = ahead.map(|(before, latent)| (of_step(before + 1, latent) * self.counted.clone()).sum());
-        let count = self.counted.clone().sum().clamp_min(1.0) * reach.max(1) as f32;
-        match sums.reduce(|sum, next| sum + next) {
-            Some(sum) => sum / count,
-            None => count * 0.0,
-        }
+    /// The latents of the first `reach` steps.
+    pub fn ahead(&self, reach: usize) -> Gaussian {
+        let all = |part: fn(&Gaussian) -> &Tensor<3>| {
+            Tensor::cat(self.latents[..self.within(reach)].iter().map(part).cloned().collect(), 1)
+        };
+        Gaussian { mean: all(|latent| &latent.mean), std: all(|latent| &latent.std) }
+    }
+
+    /// What the windows hold there.
+    pub fn recorded(&self, x: &Tensor<3>, reach: usize) -> Tensor<3> {
+        Tensor::cat((1..=self.within(reach)).map(|step| rows(x, step, self.starts)).collect(), 1)
+    }
+
+    /// Mean of a log-likelihood, `[1, reach · N, …]`, over steps and the starts that count; 0 where no start counts.
+    pub fn mean(&self, log_prob: Tensor<3>) -> Tensor<1> {
+        let reach = log_prob.dims()[1] / self.counted.dims()[1];
+        let count = self.counted.clone().sum().clamp_min(1.0) * reach as f32;
+        (log_prob * self.counted.clone().repeat_dim(1, reach)).sum() / count
+    }
+
+    /// As far as a window has room for.
+    fn within(&self, reach: usize) -> usize {
+        reach.min(self.latents.len())
     }
 }

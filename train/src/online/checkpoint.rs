@@ -6,6 +6,7 @@ use std::path::Path;
 
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
+use vibes_data::RunFolder;
 use vibes_model::behaviour::Behaviour;
 use vibes_model::checkpoint::{load_tensors, save_tensors};
 use vibes_model::guard::Guard;
@@ -77,10 +78,23 @@ pub(super) fn save_behaviour(folder: &Path, learner: &BehaviourLearner, state: O
     write_json(&folder.join(STATE), &state)
 }
 
+/// That a folder is no copy of an online run that `vibes-train keep` has made, which has nothing to go on with.
+///
+/// # Errors
+/// [`TrainError::KeptCopy`].
+pub(super) fn check_whole(run: &Path) -> Result<()> {
+    let newest = RunFolder::at(run).newest_checkpoint();
+    let is_kept = |folder: &Path| folder.join(STATE).is_file() && !folder.join(MOMENTS).is_file();
+    if newest.is_ok_and(|folder| is_kept(&folder)) {
+        return Err(TrainError::KeptCopy { path: run.to_owned() });
+    }
+    Ok(())
+}
+
 /// Takes up the newest checkpoint; none in a run without one.
 ///
 /// # Errors
-/// [`TrainError`]: a file is missing or damaged, or the folder is a kept copy without moments.
+/// [`TrainError`]: a file is missing or damaged.
 pub(super) fn resume(run: &Run, device: &Device) -> Result<Option<Resumed>> {
     let Some((learner, world)) = run.resume(device)? else { return Ok(None) };
     checkpoints::newest(run.places(), |folder| take_up(run, learner, world, folder, device))
@@ -95,9 +109,6 @@ fn take_up(run: &Run, learner: Learner, world: State, folder: &Path, device: &De
     let is_guarded = folder.join(GUARD).is_file();
     let guard = is_guarded.then(|| Guard::load(&folder.join(GUARD), &run.info().model, device)).transpose()?;
     let mut behaviour = BehaviourLearner::new(behaviour, device).guarded(guard);
-    if !folder.join(MOMENTS).is_file() {
-        return Err(TrainError::KeptCopy { path: run.path().to_owned() });
-    }
     let (moments, _) = load_tensors(&folder.join(MOMENTS))?;
     behaviour.actor_optimizer.restore("actor", &moments, online.actor_steps, device);
     behaviour.critic_optimizer.restore("critic", &moments, online.critic_steps, device);

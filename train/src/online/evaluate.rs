@@ -49,9 +49,12 @@ pub struct Evaluation {
     /// Where the run stood.
     #[serde(flatten)]
     pub counters: Counters,
-    /// The protocol, if the run follows one.
+    /// The protocol, if the run follows one; none of a last evaluation that came before its control steps were lived through, as where the minutes were up.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub protocol: Option<Protocol>,
+    /// Where the videos of a protocol came from: `procedural`, or the name of a folder.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub videos: Option<String>,
     /// Under held-out videos.
     pub held_out: Returns,
     /// Under training videos.
@@ -102,7 +105,10 @@ pub fn evaluate(
     let has_videos = options.world.pictures().is_some() && options.world.distractors.axes.background;
     let training_videos = if has_videos { returns(VideoSet::Train)? } else { Some(held_out.clone()) };
     let Some(training_videos) = training_videos else { return Ok(None) };
-    Ok(Some(Evaluation { counters, protocol: options.protocol, held_out, training_videos, is_final }))
+    let is_over = counters.control_steps >= options.control_steps;
+    let protocol = options.protocol.filter(|_| is_over || !is_final);
+    let videos = protocol.map(|_| options.world.videos.name());
+    Ok(Some(Evaluation { counters, protocol, videos, held_out, training_videos, is_final }))
 }
 
 /// Drops the lines of evaluations that a stopped run made after its last checkpoint: those from `next` control steps on, and of a run that was not `finished` there the last

@@ -306,6 +306,10 @@ impl Training<'_> {
         if !is_last && !is_due {
             return Ok(Go::On);
         }
+        // An evaluation takes minutes, which what was learned before it shall not be lost with.
+        if self.state.update > 0 {
+            self.save(learner)?;
+        }
         let agent = self.agent(learner);
         let counters = evaluate::Counters {
             update: self.state.update,

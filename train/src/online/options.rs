@@ -13,6 +13,9 @@ use super::protocol::Protocol;
 use crate::error::{Result, TrainError, io, malformed};
 use crate::learners::behaviour::BehaviourOptions;
 
+/// Most rows that may be replayed for every agent step: far more than anybody has time for, and few enough to count.
+const MOST_ROWS_PER_STEP: f64 = 1e6;
+
 /// The world that is acted in.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WorldOptions {
@@ -89,16 +92,25 @@ impl OnlineOptions {
         Ok(Some(Self { world: options.world.found(run), ..options }))
     }
 
-    /// Writes them, or checks that a run that is there was begun with the same; only how long to go on may change.
+    /// That a run that may be there was begun with the same; only how long to go on may change.
     ///
     /// # Errors
-    /// The run was begun with others, or the file cannot be written.
-    pub fn keep(&self, run: &Path) -> Result<()> {
+    /// The run was begun with others.
+    pub fn check_found(&self, run: &Path) -> Result<()> {
         if let Some(found) = Self::read(run)?
             && let Some((key, found, asked)) = found.stored(run).first_difference(&self.stored(run))
         {
             return Err(TrainError::OtherRun { key: flag(&key), found, asked, path: run.to_owned() });
         }
+        Ok(())
+    }
+
+    /// Writes them, or checks that a run that is there was begun with the same.
+    ///
+    /// # Errors
+    /// As [`Self::check_found`], or the file cannot be written.
+    pub fn keep(&self, run: &Path) -> Result<()> {
+        self.check_found(run)?;
         let file = run.join("online.json");
         let text = serde_json::to_string_pretty(&self.stored(run))
             .map_err(|error| malformed(&file, error, "options that JSON can hold"))?;
@@ -157,6 +169,10 @@ impl OnlineOptions {
         let wrong = |text: String| Err(TrainError::Options(text));
         if !(self.rows_per_step.is_finite() && self.rows_per_step > 0.0) {
             return wrong(format!("--rows-per-step is {}; it must be above 0", self.rows_per_step));
+        }
+        if self.rows_per_step > MOST_ROWS_PER_STEP {
+            let most = MOST_ROWS_PER_STEP;
+            return wrong(format!("--rows-per-step is {}; it must be at most {most}", self.rows_per_step));
         }
         if !(0.0..=1.0).contains(&self.given_share) {
             return wrong(format!("--given-share is {}; it must lie between 0 and 1", self.given_share));
@@ -287,6 +303,8 @@ mod tests {
             ("behaviour.discount", |options| options.behaviour.discount = 0.5),
             ("world.steps", |options| options.world.steps = 40),
         ];
+        let endless = OnlineOptions { rows_per_step: 1e300, ..found.clone() };
+        assert!(endless.check().unwrap_err().to_string().contains("must be at most"));
         for (key, change) in changes {
             let mut other = longer.clone();
             change(&mut other);

@@ -9,6 +9,7 @@ use vibes_env::videos::VideoSource;
 use vibes_env::{Environment, EnvironmentOptions};
 use vibes_model::{ModelConfig, ObservationKind};
 
+use super::checkpoint::check_whole;
 use super::options::{OnlineOptions, WorldOptions};
 use crate::error::{Result, TrainError};
 use crate::learners::behaviour::BehaviourOptions;
@@ -60,7 +61,7 @@ pub fn default_options(world: WorldOptions, is_given: bool) -> OnlineOptions {
         prefill: if is_given { 0 } else { 5 },
         given_share: 0.5,
         first_updates: if is_given { 1000 } else { 200 },
-        critic_first: if is_given { 500 } else { 0 },
+        critic_first: if is_given { 500 } else { 100 },
         short_horizon: 0,
         short_for: 0,
         exploration: 0.3,
@@ -92,9 +93,7 @@ pub fn from_nothing(path: &Path, model: &Options, options: OnlineOptions) -> Res
         steps: 0,
         versions: versions(),
     };
-    let run = Run::create_or_open(path, info)?;
-    options.keep(run.path())?;
-    Ok(Prepared { run, options, given: Vec::new() })
+    Ok(Prepared { run: begun(path, info, &options)?, options, given: Vec::new() })
 }
 
 /// Begins a run at `path` that goes on from the newest checkpoint of the offline run `from` and mixes in the recordings that one learned from, or goes on with the one at
@@ -134,9 +133,7 @@ pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions
         steps: given.iter().flat_map(Recording::episodes).map(|episode| u64::from(episode.steps)).sum(),
         versions: versions(),
     };
-    let run = Run::create_or_open(path, info)?;
-    options.keep(run.path())?;
-    Ok(Prepared { run, options, given })
+    Ok(Prepared { run: begun(path, info, &options)?, options, given })
 }
 
 /// Goes on with the online run at `path` under its own options but for `options`, which may differ in how long to go on.
@@ -146,12 +143,23 @@ pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions
 pub fn again(path: &Path, model: &Options, options: OnlineOptions) -> Result<Prepared> {
     options.check()?;
     check_rows(&options, model)?;
+    check_whole(path)?;
     let found = Run::open(path)?;
     let given = found.open_recordings()?;
     let info = RunInfo { options: model.clone(), ..found.info().clone() };
+    Ok(Prepared { run: begun(path, info, &options)?, options, given })
+}
+
+/// The run at `path`, new or gone on with. Nothing of one that is there is written before it is known to be the same.
+///
+/// # Errors
+/// The folder holds another run, or a kept copy, or cannot be written.
+fn begun(path: &Path, info: RunInfo, options: &OnlineOptions) -> Result<Run> {
+    check_whole(path)?;
+    options.check_found(path)?;
     let run = Run::create_or_open(path, info)?;
     options.keep(run.path())?;
-    Ok(Prepared { run, options, given })
+    Ok(run)
 }
 
 /// That an episode of the world is as long as a window of the learner's, and that imagination starts somewhere in every window.

@@ -110,7 +110,9 @@ fn act(known: &[Known]) -> Vec<Measure> {
         if name == HELD_OUT_RETURN {
             let run = k.run.as_ref()?;
             let end = |part: &str| run.final_value(&format!("held_out.{part}"));
-            if let Some((low, high)) = end("held_out.interval.low").zip(end("held_out.interval.high")) {
+            // A mean over evaluations has no interval of its own; only a last evaluation's does.
+            let last = |part: &str| run.last_evaluation(&format!("held_out.{part}"));
+            if let Some((low, high)) = last("held_out.interval.low").zip(last("held_out.interval.high")) {
                 answer.interval = format!("{} to {}", text(low), text(high));
             }
             let training = end("training_videos.mean_return");

@@ -29,7 +29,7 @@ pub(super) struct WorkArgs {
     /// Updates before the first episode with the actor [default: 200, or 1000 with recordings].
     #[arg(long, value_name = "N")]
     first_updates: Option<u64>,
-    /// Updates at the beginning in which the critic learns and the actor does not move [default: 0, or 500 with recordings].
+    /// Updates at the beginning in which the critic learns and the actor does not move [default: 100, or 500 with recordings].
     #[arg(long, value_name = "N")]
     critic_first: Option<u64>,
     /// Imagined steps of the first updates [default: --horizon].
@@ -149,6 +149,11 @@ fn put<T>(place: &mut T, typed: Option<T>) {
 }
 
 impl WorkArgs {
+    /// Whether the recordings of a run that is gone on from are learned from.
+    pub(super) fn takes_recordings(&self) -> bool {
+        self.given_share.is_none_or(|share| share > 0.0)
+    }
+
     pub(super) fn lay_over(&self, options: &mut OnlineOptions) {
         put(&mut options.control_steps, self.control_steps);
         put(&mut options.rows_per_step, self.rows_per_step);

@@ -60,6 +60,8 @@ impl OnlineArgs {
         self.refuse(of_other.iter().map(String::as_str), &format!("for an agent {agent}"))?;
         let unguarded: &[&str] = if options.behaviour.guard > 0.0 { &[] } else { &["guard_members"] };
         self.refuse(unguarded.iter().copied(), "without a guard (--guard)")?;
+        let unseen: &[&str] = if options.world.size.is_none() { &["videos", "video_count"] } else { &[] };
+        self.refuse(unseen.iter().copied(), "where nothing is drawn (--no-pixels)")?;
         self.refuse([background, any].concat(), "without such distractors (--distract)")
     }
 }

@@ -12,7 +12,6 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{Auxiliary, steps_ahead};
 use crate::error::Result;
-use crate::learners::rollout::rows;
 use crate::learners::scene::Scene;
 use crate::settings::Settings;
 use crate::settings::own::{Declared, Kind};
@@ -54,10 +53,8 @@ impl Auxiliary for LatentAhead {
     }
 
     fn value(&self, scene: &Scene<'_>, _rng: &mut ChaCha8Rng) -> Result<Tensor<1>> {
-        let rollout = scene.rollout(steps_ahead(scene.options));
-        let targets = scene.latents.clone().detach();
-        Ok(rollout.mean(self.steps_ahead(scene.options), |step, latent| {
-            latent.log_prob(rows(&targets, step, rollout.starts))
-        }))
+        let (rollout, reach) = (scene.rollout(steps_ahead(scene.options)), self.steps_ahead(scene.options));
+        let targets = rollout.recorded(&scene.latents.clone().detach(), reach);
+        Ok(rollout.mean(rollout.ahead(reach).log_prob(targets)))
     }
 }

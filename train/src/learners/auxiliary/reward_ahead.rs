@@ -12,7 +12,6 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{Auxiliary, steps_ahead};
 use crate::error::Result;
-use crate::learners::rollout::rows;
 use crate::learners::scene::Scene;
 use crate::settings::Settings;
 use crate::settings::own::{Declared, Kind};
@@ -54,12 +53,9 @@ impl Auxiliary for RewardAhead {
     }
 
     fn value(&self, scene: &Scene<'_>, _rng: &mut ChaCha8Rng) -> Result<Tensor<1>> {
-        let rollout = scene.rollout(steps_ahead(scene.options));
-        let (reach, starts) = (self.steps_ahead(scene.options), rollout.starts);
-        Ok(rollout.mean(reach, |step, latent| {
-            let actions = rows(&scene.batch.actions, step, starts);
-            let prediction = scene.world.reward.forward(latent.mean.clone(), actions);
-            prediction.log_prob(rows(&scene.batch.rewards, step, starts))
-        }))
+        let (rollout, reach) = (scene.rollout(steps_ahead(scene.options)), self.steps_ahead(scene.options));
+        let actions = rollout.recorded(&scene.batch.actions, reach);
+        let prediction = scene.world.reward.forward(rollout.ahead(reach).mean, actions);
+        Ok(rollout.mean(prediction.log_prob(rollout.recorded(&scene.batch.rewards, reach))))
     }
 }

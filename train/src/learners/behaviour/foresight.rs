@@ -7,7 +7,7 @@ use rand::Rng;
 use serde::{Deserialize, Serialize};
 use vibes_model::World;
 use vibes_model::actions::{ActionSample, noise};
-use vibes_model::imagine::{Learned, imagine_with};
+use vibes_model::imagine::{LatentWorld, Learned, imagine_with};
 use vibes_model::parameters::to_values;
 
 use super::Replayed;
@@ -26,18 +26,28 @@ pub struct Foresight {
 
 /// Imagines from row `from` of every window to its end with the recorded actions.
 pub fn foresight(world: &World, rows: &Replayed, from: usize, rng: &mut impl Rng, device: &Device) -> Foresight {
+    let (dynamics, reward) = (world.dynamics.valid(), world.reward.valid());
+    foresight_in(&Learned { dynamics: &dynamics, reward: &reward }, rows, from, rng, device)
+}
+
+/// The same in any world.
+pub fn foresight_in(
+    world: &impl LatentWorld,
+    rows: &Replayed,
+    from: usize,
+    rng: &mut impl Rng,
+    device: &Device,
+) -> Foresight {
     let [length, batch, latent] = rows.latents.dims();
     let from = from.min(length - 1);
     let horizon = length - from;
-    let (dynamics, reward) = (world.dynamics.valid(), world.reward.valid());
     let places: Vec<i64> = (0..batch).map(|window| (from * batch + window) as i64).collect();
     let act = |k: usize, _: Tensor<3>| {
         let action = rows.actions.clone().narrow(0, from + k, 1);
         ActionSample { normal: action.clone(), action }
     };
-    let learned = Learned { dynamics: &dynamics, reward: &reward };
     let imagined =
-        imagine_with(&learned, act, rows.starts(&places, device), &noise([horizon, batch, latent], rng, device));
+        imagine_with(world, act, rows.starts(&places, device), &noise([horizon, batch, latent], rng, device));
     let sums = |rewards: &[f32]| -> Vec<f64> {
         (0..batch)
             .map(|window| rewards.iter().skip(window).step_by(batch).map(|&reward| f64::from(reward)).sum())

@@ -22,6 +22,8 @@ use crate::windows::{Purpose, update_rng};
 /// The format's name in `model_free.json`.
 pub const FORMAT: &str = vibes_data::MODEL_FREE_FORMAT;
 const STATE: &str = "state.json";
+/// Most updates for every agent step: far more than anybody has time for, and few enough to count.
+const MOST_UPDATES_PER_STEP: f64 = 1e4;
 /// Checkpoints that are kept.
 const KEEP: usize = 3;
 
@@ -98,8 +100,9 @@ impl Folder {
         if batch == 0 {
             return Err(TrainError::Options("--transitions is 0; it must be above 0".to_owned()));
         }
-        if !(options.updates_per_step.is_finite() && options.updates_per_step > 0.0) {
-            let text = format!("--updates-per-step is {}; it must be above 0", options.updates_per_step);
+        if !(options.updates_per_step > 0.0 && options.updates_per_step <= MOST_UPDATES_PER_STEP) {
+            let (given, most) = (options.updates_per_step, MOST_UPDATES_PER_STEP);
+            let text = format!("--updates-per-step is {given}; it must be above 0 and at most {most}");
             return Err(TrainError::Options(text));
         }
         let folder = RunFolder::at(path);
