@@ -9,7 +9,7 @@ mod world;
 use serde::{Deserialize, Serialize};
 use vibes_data::{Cell, Grid};
 
-use crate::trained::ActedBy;
+use crate::trained::{ActedBy, Home};
 use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::Look;
 use vibes_env::videos::{VideoSet, VideoSource};
@@ -88,8 +88,89 @@ impl RecordOptions {
     }
 }
 
+impl RecordOptions {
+    /// The protocol of what is recorded: that of the run which acts, where nothing of its world is changed, videos are held out and there are as many whole episodes as it asks
+    /// for.
+    pub fn protocol_of(&self, home: &Home) -> Option<String> {
+        let (name, episodes) = home.protocol.as_ref()?;
+        let whole = vibes_env::EPISODE_CONTROL_STEPS.div_ceil(self.action_repeat);
+        let is_own = home.distractors == Some(self.distractors)
+            && home.videos.as_ref() == Some(&self.videos)
+            && home.video_count == self.video_count
+            && home.action_repeat == Some(self.action_repeat)
+            && self.steps == whole
+            && self.axis_seeds.is_empty()
+            && self.video_set == VideoSet::Val
+            && self.grid.is_none()
+            && self.episodes >= *episodes;
+        is_own.then(|| name.clone())
+    }
+}
+
 /// The distractor trajectory under which a policy that sees pictures acts out a state trajectory: the one of the same number. It does not depend on the number of
 /// columns, so that a grid can be made wider; on a square grid it is the diagonal, and without a grid every episode's own.
 pub fn acting_distractor(state: u32) -> u32 {
     state
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trained::home;
+
+    /// What is recorded under other settings than the run's is not under its protocol.
+    #[test]
+    fn a_protocol_is_named_in_its_own_world_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let settings = DistractorSettings::default();
+        let world = serde_json::json!({ "action_repeat": 4, "distractors": settings, "videos": "procedural" });
+        let online = serde_json::json!({
+            "protocol": "dcs-easy-dynamic-500k", "world": world, "control_steps": 500_000, "final_episodes": 100,
+        });
+        std::fs::write(folder.path().join("online.json"), online.to_string()).unwrap();
+        let checkpoint = folder.path().join("checkpoints/000009");
+        std::fs::create_dir_all(&checkpoint).unwrap();
+        let at = |control_steps: u32| {
+            let state = serde_json::json!({ "control_steps": control_steps });
+            std::fs::write(checkpoint.join("online.json"), state.to_string()).unwrap();
+            home(folder.path())
+        };
+        let unfinished = at(499_000);
+        let home = at(500_000);
+        let own = RecordOptions {
+            task: "reacher-easy".to_owned(),
+            policy: "runs/own".to_owned(),
+            grid: None,
+            episodes: 100,
+            steps: 250,
+            action_repeat: 4,
+            raw_torques: false,
+            distractors: settings,
+            videos: VideoSource::Procedural,
+            video_set: VideoSet::Val,
+            video_count: None,
+            size: Some(64),
+            look: Look::default(),
+            axis_seeds: ChosenSeeds::default(),
+            acting: Vec::new(),
+            protocol: None,
+            rotated: None,
+        };
+        assert_eq!(own.protocol_of(&home).as_deref(), Some("dcs-easy-dynamic-500k"));
+        assert_eq!(own.protocol_of(&unfinished), None, "not all control steps");
+        let changes: [fn(&mut RecordOptions); 6] = [
+            |options| options.steps = 100,
+            |options| options.action_repeat = 2,
+            |options| options.video_count = Some(300),
+            |options| options.distractors.dynamic = false,
+            |options| options.episodes = 3,
+            |options| options.video_set = VideoSet::Train,
+        ];
+        for (place, change) in changes.into_iter().enumerate() {
+            let mut other = own.clone();
+            change(&mut other);
+            assert_eq!(other.protocol_of(&home), None, "{place}");
+        }
+        assert_eq!(own.protocol_of(&Home::default()), None, "no protocol");
+    }
 }

@@ -9,14 +9,13 @@ use serde::{Deserialize, Serialize};
 use vibes_data::RunFolder;
 use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::{Look, RenderSettings};
-use vibes_env::videos::{VideoSet, VideoSource};
+use vibes_env::videos::VideoSource;
 use vibes_env::{EnvironmentOptions, Error as WorldError, Policy, PolicySpec, Trained};
 use vibes_model::ObservationKind;
 use vibes_model::actions::Choice;
 use vibes_model::player::Player;
 use vibes_model::trained::{TrainedAgent, actor_file};
 
-use crate::plan::RecordOptions;
 use crate::{Error, Result};
 
 /// Who acted, as the manifest keeps it: the same recording made by another checkpoint is another recording.
@@ -67,26 +66,7 @@ pub struct Home {
     /// How its pictures were drawn.
     look: Look,
     /// The protocol whose settings these are, with the episodes that it asks for, of a run that has lived through all its control steps.
-    protocol: Option<(String, u32)>,
-}
-
-impl Home {
-    /// The protocol of what is recorded: that of the run, where nothing of its world was changed by options, videos are held out and there are as many whole episodes as it
-    /// asks for.
-    pub fn protocol(&self, options: &RecordOptions) -> Option<String> {
-        let (name, episodes) = self.protocol.as_ref()?;
-        let whole = vibes_env::EPISODE_CONTROL_STEPS.div_ceil(options.action_repeat);
-        let is_own = self.distractors == Some(options.distractors)
-            && self.videos.as_ref() == Some(&options.videos)
-            && self.video_count == options.video_count
-            && self.action_repeat == Some(options.action_repeat)
-            && options.steps == whole
-            && options.axis_seeds.is_empty()
-            && options.video_set == VideoSet::Val
-            && options.grid.is_none()
-            && options.episodes >= *episodes;
-        is_own.then(|| name.clone())
-    }
+    pub protocol: Option<(String, u32)>,
 }
 
 /// Reads what a run was trained in; nothing of a folder that is no run.
@@ -162,7 +142,6 @@ fn load(path: &Path, task: &str) -> Result<(Box<dyn Policy>, ActedBy)> {
 
 #[cfg(test)]
 mod tests {
-    use vibes_env::ChosenSeeds;
     use vibes_env::distractors::{Axes, Difficulty};
 
     use super::*;
@@ -184,61 +163,5 @@ mod tests {
         assert_eq!(place.canonicalize().unwrap(), videos.canonicalize().unwrap());
         assert_eq!(found.look, Look::Suite);
         assert_eq!(home(folder.path()), Home::default(), "no run");
-    }
-
-    /// What is recorded under other settings than the run's is not under its protocol.
-    #[test]
-    fn a_protocol_is_named_in_its_own_world_only() {
-        let folder = tempfile::tempdir().unwrap();
-        let settings = DistractorSettings::default();
-        let world = serde_json::json!({ "action_repeat": 4, "distractors": settings, "videos": "procedural" });
-        let online = serde_json::json!({
-            "protocol": "dcs-easy-dynamic-500k", "world": world, "control_steps": 500_000, "final_episodes": 100,
-        });
-        std::fs::write(folder.path().join("online.json"), online.to_string()).unwrap();
-        let checkpoint = folder.path().join("checkpoints/000009");
-        std::fs::create_dir_all(&checkpoint).unwrap();
-        let at = |control_steps: u32| {
-            let state = serde_json::json!({ "control_steps": control_steps });
-            std::fs::write(checkpoint.join("online.json"), state.to_string()).unwrap();
-            home(folder.path())
-        };
-        let unfinished = at(499_000);
-        let home = at(500_000);
-        let own = RecordOptions {
-            task: "reacher-easy".to_owned(),
-            policy: "runs/own".to_owned(),
-            grid: None,
-            episodes: 100,
-            steps: 250,
-            action_repeat: 4,
-            raw_torques: false,
-            distractors: settings,
-            videos: VideoSource::Procedural,
-            video_set: VideoSet::Val,
-            video_count: None,
-            size: Some(64),
-            look: Look::default(),
-            axis_seeds: ChosenSeeds::default(),
-            acting: Vec::new(),
-            protocol: None,
-            rotated: None,
-        };
-        assert_eq!(home.protocol(&own).as_deref(), Some("dcs-easy-dynamic-500k"));
-        assert_eq!(unfinished.protocol(&own), None, "not all control steps");
-        let changes: [fn(&mut RecordOptions); 6] = [
-            |options| options.steps = 100,
-            |options| options.action_repeat = 2,
-            |options| options.video_count = Some(300),
-            |options| options.distractors.dynamic = false,
-            |options| options.episodes = 3,
-            |options| options.video_set = VideoSet::Train,
-        ];
-        for (place, change) in changes.into_iter().enumerate() {
-            let mut other = own.clone();
-            change(&mut other);
-            assert_eq!(home.protocol(&other), None, "{place}");
-        }
-        assert_eq!(Home::default().protocol(&own), None, "no protocol");
     }
 }

@@ -156,7 +156,7 @@ impl RecordArgs {
             protocol: None,
             rotated: None,
         };
-        options.protocol = home.protocol(&options);
+        options.protocol = options.protocol_of(&home);
         Ok(options)
     }
 
