@@ -65,6 +65,8 @@ pub struct Home {
     pub video_count: Option<usize>,
     /// How its pictures were drawn.
     look: Look,
+    /// Whether samples of the actor are evaluated rather than its mode.
+    evaluates_samples: bool,
     /// The protocol whose settings these are, with the episodes that it asks for, of a run that has lived through all its control steps.
     pub protocol: Option<(String, u32)>,
 }
@@ -84,6 +86,7 @@ pub fn home(run: &Path) -> Home {
         task: info.as_ref().and_then(|info| info.task()).map(str::to_owned),
         action_repeat: world["action_repeat"].as_u64().and_then(|repeat| u32::try_from(repeat).ok()),
         look: serde_json::from_value(world["look"].clone()).unwrap_or_default(),
+        evaluates_samples: online["evaluate_mode"] == false,
         protocol: online["protocol"].as_str().and_then(|name| {
             let wanted = online["control_steps"].as_u64()?;
             let episodes = online["final_episodes"].as_u64().and_then(|count| u32::try_from(count).ok())?;
@@ -132,8 +135,9 @@ fn load(path: &Path, task: &str) -> Result<(Box<dyn Policy>, ActedBy)> {
         pictures,
     };
     let name = path.display().to_string();
-    // Always the mode of its distribution, as a run evaluates itself.
-    let mut player = Player::new(agent, Choice::Mode, 0.0);
+    // As the run evaluates itself: by the mode of its distribution, unless it was asked for samples.
+    let choice = if home(path).evaluates_samples { Choice::Sample } else { Choice::Mode };
+    let mut player = Player::new(agent, choice, 0.0);
     let policy = Trained::new(name, pictures, move |sight, is_first, mut rng| {
         player.act(is_first, sight.pixels, sight.observation, &mut rng).map_err(Into::into)
     });

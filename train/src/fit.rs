@@ -131,7 +131,8 @@ pub fn fit(
     listen(Event::Start { update: state.update });
     let session = Session::open(run, device, state, held_out.is_some())?;
     std::thread::scope(|scope| {
-        let batches = Prefetch::start(scope, &windows, options.seed, state.update..options.updates);
+        let numbers = state.drawn()..state.carried + options.updates;
+        let batches = Prefetch::start(scope, &windows, options.seed, numbers);
         Training { session, options, device, batches, recordings, held_out }.run(learner, listen)
     })
 }

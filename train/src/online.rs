@@ -17,6 +17,8 @@
 
 use std::time::{Duration, Instant};
 
+use std::collections::BTreeSet;
+
 use burn::tensor::Device;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -46,6 +48,7 @@ pub mod model_free;
 pub mod options;
 pub mod prepare;
 pub mod protocol;
+mod unfinished;
 pub mod world;
 
 use actor::{ActorThread, EpisodeKind, Living, Task, episode_seed};
@@ -132,13 +135,17 @@ fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'
     state.next_evaluation = state.next_evaluation.min(options.next_evaluation(state.control_steps));
     let sizes =
         ReplayOptions { length: model_options.length, batch: model_options.batch, given_share: options.given_share };
-    let replay = Replay::open(&place, manifest, state.episodes, given, sizes)?;
+    // Random episodes depend on the seed alone: what a killed run had of them is there still.
+    let kept = if resumed.is_none() { options.prefill.max(1) } else { 0 };
+    let replay = Replay::open(&place, manifest, (state.episodes, kept), given, sizes)?;
     listen(Event::Start { control_steps: state.control_steps });
     evaluate::drop_beyond(&run.evaluations_path(), state.next_evaluation, state.control_steps, was_finished)?;
     let session = Session::open(run, device, world_state, true)?;
     std::thread::scope(|scope| {
         let acting = ActorThread::living(live, scope, &options.world, libraries, replay.writer());
-        let mut training = Training { setup, acting, session, state, replay, saved: Instant::now(), is_saved: true };
+        let (saved, is_saved) = (Instant::now(), resumed.is_some());
+        let given_control_steps = given_control_steps(run, given, options.world.action_repeat);
+        let mut training = Training { setup, given_control_steps, acting, session, state, replay, saved, is_saved };
         let end = training.begin_and_run(resumed, listen);
         if end.is_err() {
             // What was lived through is listed in the recording, whatever ended the run; what ended it is what is told.
@@ -153,6 +160,7 @@ type Learners = (Learner, BehaviourLearner);
 
 struct Training<'a> {
     setup: &'a Setup<'a>,
+    given_control_steps: Option<u64>,
     acting: ActorThread,
     session: Session<'a>,
     state: OnlineState,
@@ -176,10 +184,16 @@ impl Training<'_> {
     fn begin(&mut self, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Option<Learners>> {
         let Setup { run, options, device, .. } = *self.setup;
         while self.state.episodes < options.prefill || self.replay.is_empty() {
-            let lived = self.acting.live(self.training_task(None, "random".to_owned()))?;
-            self.admit(lived.steps)?;
+            let (steps, episode_return) = match self.replay.next_written()? {
+                Some(found) => found,
+                None => {
+                    let lived = self.acting.live(self.training_task(None, "random".to_owned()))?;
+                    (lived.steps, lived.episode_return)
+                }
+            };
+            self.admit(steps)?;
             let control_steps = self.state.control_steps;
-            if listen(Event::Lived { control_steps, episode_return: lived.episode_return }) == Go::Stop {
+            if listen(Event::Lived { control_steps, episode_return }) == Go::Stop {
                 return Ok(None);
             }
         }
@@ -313,7 +327,7 @@ impl Training<'_> {
         listen: &mut dyn FnMut(Event<'_>) -> Go,
     ) -> Result<(Learners, Round, Go)> {
         let Setup { run, options, device, .. } = *self.setup;
-        let (seed, first) = (run.info().options.seed, self.session.state.update);
+        let (seed, first) = (run.info().options.seed, self.session.state.drawn());
         let (mut round, mut go) = (Round::default(), Go::On);
         let Self { replay, session, state, .. } = self;
         let replay: &Replay = replay;
@@ -342,12 +356,17 @@ impl Training<'_> {
         })
     }
 
+    fn is_evaluation_due(&self) -> bool {
+        let is_due =
+            self.setup.options.evaluate_every > 0 && self.state.control_steps >= self.state.next_evaluation;
+        !self.state.is_finished && (self.is_last() || is_due)
+    }
+
     /// When it is due, and at the end; its time is not counted as training. What was learned before is saved first.
     fn evaluate(&mut self, learners: &Learners, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Go> {
         let options = self.setup.options;
         let is_last = self.is_last();
-        let is_due = options.evaluate_every > 0 && self.state.control_steps >= self.state.next_evaluation;
-        if !is_last && !is_due {
+        if !self.is_evaluation_due() {
             return Ok(Go::On);
         }
         if !self.is_saved {
@@ -360,10 +379,11 @@ impl Training<'_> {
             control_steps: self.state.control_steps,
             agent_steps: self.state.agent_steps,
             episodes: self.state.episodes,
+            given_control_steps: self.given_control_steps,
         };
-        let seed = (seed, is_last);
+        let (seed, place) = ((seed, is_last), (self.setup.run.path(), options));
         let judged = &mut || listen(Event::Judged);
-        let Some(evaluation) = evaluate::evaluate(&self.acting, &agent, options, counters, seed, judged)? else {
+        let Some(evaluation) = evaluate::evaluate(&self.acting, &agent, place, counters, seed, judged)? else {
             return Ok(Go::Stop);
         };
         self.session.evaluated(&evaluation)?;
@@ -386,9 +406,27 @@ impl Training<'_> {
         let state = self.state;
         self.session.save(learner, |folder| save_behaviour(folder, behaviour, state))?;
         (self.saved, self.is_saved) = (Instant::now(), true);
+        if !self.is_evaluation_due() {
+            unfinished::forget(self.setup.run.path())?;
+        }
         listen(Event::Saved { update: self.session.state.update });
         Ok(())
     }
+}
+
+/// Control steps of the recordings that a run began with, whether their windows are mixed in or not; a state trajectory that was recorded under several distractors, or drawn
+/// again, counts once. None where there are none, or they are gone.
+fn given_control_steps(run: &Run, given: &[Recording], action_repeat: u32) -> Option<u64> {
+    let of_weights = match given {
+        [] => run.open_from().ok()??.open_recordings().ok()?,
+        _ => Vec::new(),
+    };
+    let entries = given.iter().chain(&of_weights).flat_map(Recording::episodes);
+    let trajectories: BTreeSet<_> = entries
+        .map(|entry| (entry.seed, entry.policy.as_str(), entry.steps, entry.episode_return.to_bits()))
+        .collect();
+    let steps: u64 = trajectories.iter().map(|(_, _, steps, _)| u64::from(*steps)).sum();
+    (steps > 0).then(|| steps * u64::from(action_repeat))
 }
 
 fn look_ahead(learner: &Learner, rows: &Replayed, run: &Run, update: u64, device: &Device) -> Foresight {

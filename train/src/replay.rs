@@ -37,21 +37,22 @@ pub struct ReplayOptions {
 }
 
 impl Replay {
-    /// Begins the recording at `path`, or goes on with it after its first `admitted` episodes; later ones are removed, to be lived through again.
+    /// Begins the recording at `path`, or goes on with it after its first `admitted` episodes; later ones are removed, to be lived through again, but for the first `kept` of
+    /// all, which depend on nothing that was learned.
     ///
     /// # Errors
     /// Another recording is there, or an episode is missing or damaged, or a given recording has no episode as long as a window.
     pub fn open(
         path: &Path,
         manifest: Manifest,
-        admitted: u32,
+        (admitted, kept): (u32, u32),
         given: &[Recording],
         options: ReplayOptions,
     ) -> Result<Self> {
         let ReplayOptions { length, batch, given_share } = options;
         let own = WindowSampler::growing(&manifest.spec, length);
         let writer = RecordingWriter::create_or_resume(path, manifest, false)?;
-        writer.remove_from(admitted)?;
+        writer.remove_from(admitted.max(kept))?;
         let given = (!given.is_empty()).then(|| Windows::new(given, length, batch)).transpose()?;
         let mut replay = Self { writer: Arc::new(writer), own, admitted: 0, given, given_share, batch };
         while replay.admitted < admitted {
@@ -68,6 +69,19 @@ impl Replay {
     /// Episodes admitted so far; the next one has this number.
     pub fn admitted(&self) -> u32 {
         self.admitted
+    }
+
+    /// Agent steps and return of the episode that would be admitted next, where it is written already.
+    ///
+    /// # Errors
+    /// It is damaged.
+    pub fn next_written(&self) -> Result<Option<(u32, f64)>> {
+        if !self.writer.has(self.admitted) {
+            return Ok(None);
+        }
+        let episode = self.writer.episode(self.admitted)?;
+        let rewards = (0..episode.steps()).map(|step| f64::from(episode.reward(step)));
+        Ok(Some((episode.steps() as u32, rewards.sum())))
     }
 
     /// Admits the next episode, which has been written.

@@ -60,6 +60,13 @@ pub struct State {
     pub gate: Gate,
 }
 
+impl State {
+    /// The number under which the next update's windows and noise are drawn: it goes on from that of the run before, so that none of its draws comes again.
+    pub fn drawn(&self) -> u64 {
+        self.carried + self.update
+    }
+}
+
 /// A run folder on disk.
 #[derive(Debug, Clone)]
 pub struct Run {
@@ -102,14 +109,26 @@ impl Run {
         if before != asked {
             return Err(other("recordings", before.join(", "), asked.join(", ")));
         }
-        if let (Some(from), Some(asked)) = (&found.info.from, &info.from)
-            && Path::new(from).file_name() != Path::new(asked).file_name()
+        if let Some(asked) = &info.from
+            && !found.began_with(asked)
         {
-            return Err(other("from", from.clone(), asked.clone()));
+            let from = found.info.from.clone().unwrap_or_else(|| "nothing".to_owned());
+            return Err(other("from", from, asked.clone()));
         }
         let run = Self { folder, info: RunInfo { from: found.info.from, ..info }, _lock: lock };
         run.write_info()?;
         Ok(run)
+    }
+
+    /// Whether this run went on from the one at `asked`, as a file of this folder names it. It may have moved since; another name is another run, and so is one of the same
+    /// name elsewhere while both are there.
+    fn began_with(&self, asked: &str) -> bool {
+        let Some(from) = &self.info.from else { return false };
+        let places = [from.as_str(), asked].map(|place| self.folder.find_run(place)?.canonicalize().ok());
+        match places {
+            [Some(from), Some(asked)] => from == asked,
+            _ => Path::new(from).file_name() == Path::new(asked).file_name(),
+        }
     }
 
     /// Opens a run to read it.
@@ -247,7 +266,11 @@ impl Run {
                 let (moments, _) = load_tensors(&file)?;
                 restore(&mut learner, &heads.renamed(moments), before, device);
             }
-            Ok((learner, State { update: 0, seconds: 0.0, carried: before.carried + before.update, ..before }))
+            // An objective that did not wait says nothing of what one that waits asks for.
+            let waited = |options: &Options| options.objective.gate(options).is_some();
+            let begins_to_wait = waited(options) && !waited(&self.info.options);
+            let gate = if begins_to_wait { Gate::default() } else { before.gate };
+            Ok((learner, State { update: 0, seconds: 0.0, carried: before.drawn(), gate, ..before }))
         })?;
         carried.ok_or_else(|| vibes_data::Error::NoCheckpoint { path: self.path().to_owned() }.into())
     }

@@ -73,8 +73,8 @@ impl<'a> Session<'a> {
         let number = self.state.update;
         let device = self.device.clone().autodiff();
         let batch = Batch::new(&windows, &learner.model.config, self.options.burn_in, &device)?;
-        let mut noise = update_rng(self.options.seed, number, Purpose::Noise);
-        let scheduled = self.state.carried + number;
+        let scheduled = self.state.drawn();
+        let mut noise = update_rng(self.options.seed, scheduled, Purpose::Noise);
         self.state.gate = self.state.gate.before(scheduled, self.options.objective.gate(self.options));
         let schedule = self.options.schedule_after(learner.optimizer.steps(), scheduled, self.state.gate.opened);
         let made = learner.update(&batch, schedule, self.options.parts(), &mut noise);

@@ -52,7 +52,7 @@ fn model_free_summary(name: &str, info: &vibes_data::RunInfo, metrics: &Metrics,
     push(&mut page, &format!("* System **{}** ({}) on {}", text("system"), text("size"), info.task().unwrap_or("")));
     push(&mut page, &format!("* {} updates an agent step; seed {}", option("updates_per_step"), option("seed")));
     if let Some(protocol) = online["protocol"].as_str() {
-        push(&mut page, &format!("* protocol {protocol}"));
+        push(&mut page, &under(protocol, evaluations));
     }
     let last = |name: &str| metrics.last(name);
     let counted = |name: &str| last(name).unwrap_or(0.0);
@@ -77,6 +77,13 @@ fn model_free_summary(name: &str, info: &vibes_data::RunInfo, metrics: &Metrics,
     }
     returns(&mut page, evaluations);
     page
+}
+
+/// The line that names a protocol, and says whether its last evaluation is among those below.
+fn under(protocol: &str, evaluations: &[Json]) -> String {
+    let is_over = evaluations.last().is_some_and(|last| last["is_final"] == true && last["protocol"] == protocol);
+    let state = if is_over { "its last evaluation is the last one below" } else { "not over: none of the returns below is its result" };
+    format!("* protocol {protocol}; {state}")
 }
 
 /// Mean returns of whole episodes over control steps.
@@ -109,7 +116,7 @@ fn summary(name: &str, info: &RunInfo, protocol: Option<&str>, rows: &[Row], eva
     let mut page = format!("# {name}\n\n");
     about(&mut page, info);
     if let Some(protocol) = protocol {
-        push(&mut page, &format!("* protocol {protocol}"));
+        push(&mut page, &under(protocol, evaluations));
     }
     if let Some(last) = rows.last() {
         progress(&mut page, info, last);

@@ -134,6 +134,24 @@ fn train_go_on_encode_and_info() {
     assert!(String::from_utf8_lossy(&config.stdout).contains("already"), "{}", errors(&config));
 }
 
+/// The configuration of a run of any preset and objective gives that run again, though the file says nothing of its preset.
+#[test]
+fn every_saved_configuration_is_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 60, true);
+    for (preset, objective) in
+        [("tiny", "reconstruction"), ("tiny", "no-adversary"), ("tiny", "vibes"), ("paper-small", "no-adversary")]
+    {
+        let run = format!("{preset}-{objective}");
+        let config = format!("{run}/config.toml");
+        let begin = ["offline", "coins", "--preset", preset, "--objective", objective, "--updates", "1", "-q", "-o", &run];
+        assert_done(&vibes_train(folder.path(), &begin));
+        let again = vibes_train(folder.path(), &["offline", "coins", "--config", &config, "-o", &run]);
+        assert_done(&again);
+        assert!(String::from_utf8_lossy(&again.stdout).contains("already"), "{run}: {}", errors(&again));
+    }
+}
+
 #[test]
 fn a_kept_run_is_small_has_the_same_latents_and_goes_on() {
     let folder = tempfile::tempdir().unwrap();

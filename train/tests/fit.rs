@@ -222,6 +222,54 @@ fn going_on_from_a_run_carries_moments_gate_and_schedules_over() {
     assert!((weight(&fourth, 0) - 0.8).abs() < 1e-6, "eight of ten, counted from the first update");
 }
 
+/// What a run that goes on from another is shown is what the other would have been shown next, and not what it was shown from the beginning.
+#[test]
+fn going_on_from_a_run_draws_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false)];
+    let shown = |name: &str, updates: u32, from: Option<&Path>| {
+        let run = prepare(&folder.path().join(name), &recordings, &options(&format!("updates = {updates}")), from).unwrap();
+        let mut starts = Vec::new();
+        let listen = &mut |event: Event<'_>| {
+            if let Event::Windows { batch, .. } = event {
+                starts.push(batch.starts.clone());
+            }
+            Go::On
+        };
+        fit(&run, &recordings, &Device::flex(), None, listen).unwrap();
+        starts
+    };
+    let whole = shown("whole", 6, None);
+    let (first, second) = (shown("first", 3, None), shown("second", 3, Some(&folder.path().join("first"))));
+    assert_eq!(whole, [first, second].concat());
+}
+
+/// A folder whose run began otherwise is not gone on with as if `--from` had not been there.
+#[test]
+fn a_run_that_began_elsewhere_is_another_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false)];
+    let place = |name: &str| folder.path().join(name);
+    let go_on = |name: &str, from: Option<&Path>| {
+        let run = prepare(&place(name), &recordings, &options("updates = 1"), from)?;
+        fit(&run, &recordings, &Device::flex(), None, &mut |_| Go::On)
+    };
+    for run in ["a/run", "b/run"] {
+        go_on(run, None).unwrap();
+    }
+    go_on("second", Some(&place("a/run"))).unwrap();
+    let of = |name: &str, from: &str| match go_on(name, Some(&place(from))) {
+        Err(TrainError::OtherRun { key, .. }) => key,
+        other => format!("{other:?}"),
+    };
+    assert_eq!((of("a/run", "b/run"), of("second", "b/run")), ("from".to_owned(), "from".to_owned()));
+    go_on("second", Some(&place("a/run"))).unwrap();
+    go_on("second", None).unwrap();
+    // Both may be moved together.
+    fs::rename(place("a"), place("moved")).unwrap();
+    go_on("second", Some(&place("moved/run"))).unwrap();
+}
+
 /// A term may be added, or left out, on the way: its head begins anew and everything else goes on.
 #[test]
 fn going_on_with_another_term_keeps_all_other_weights() {

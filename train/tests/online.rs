@@ -68,8 +68,19 @@ fn a_run_counts_in_both_units_and_leaves_a_sound_recording() {
     let steps: Vec<u64> = evaluations.iter().map(|line| line["control_steps"].as_u64().unwrap()).collect();
     assert_eq!(steps, [240, 400, 800, 960], "at the start, at every multiple, at the end");
     assert!(evaluations[0]["training_videos"]["interval"].is_array());
-    // Nobody sees a video here, and starts are the same for both sets.
-    assert!(evaluations.iter().all(|line| line["training_videos"] == line["held_out"]));
+    // Nobody sees a video here, and starts are the same for both sets; nor were there recordings to begin with.
+    assert!(evaluations.iter().all(|line| line["training_videos"] == line["held_out"] && line["gap"].is_null()));
+    assert!(evaluations.iter().all(|line| line["given_control_steps"].is_null()));
+    assert!(!folder.join("evaluating.json").exists());
+    // The critic learns first: the actor moves with update 101, and then in every line.
+    for line in lines(&folder.join("metrics.jsonl")) {
+        let moves = line["actor_gradient_norm"].as_f64().is_some_and(|norm| norm > 0.0);
+        assert_eq!(moves, line["update"].as_u64().unwrap() > 100, "{line}");
+        let bound = 2.0 / (1.0 - 0.99);
+        let [value, share] = ["value", "value_over_bound"].map(|key| line[key].as_f64().unwrap());
+        assert!((share - value / bound).abs() < 1e-9, "{line}");
+        assert_eq!(line["control_steps_per_second"].is_f64(), line["training_return"].is_f64(), "{line}");
+    }
     let replay = Recording::open(&folder.join("replay")).unwrap();
     assert_eq!(replay.episodes().len(), 12);
     assert!(replay.episodes()[..3].iter().all(|entry| entry.policy == "random"));
@@ -138,11 +149,20 @@ fn what_cannot_be_is_refused_with_what_would_be_right() {
     assert!(films.contains("videos of DAVIS 2017"), "{films}");
     let nothing_drawn = refused(&["--task", "reacher-easy", "--no-pixels", "--observations", "pixels"]);
     assert!(nothing_drawn.contains("nothing is drawn"), "{nothing_drawn}");
+    let vectors = ["--task", "reacher-easy", "--no-pixels"];
+    for (option, more) in
+        [("difficulty", &["--difficulty", "hard"][..]), ("static", &["--static"]), ("distract", &["--distract", "color"])]
+    {
+        let unseen = refused(&[&vectors[..], more].concat());
+        assert!(unseen.contains(&format!("--{option} has no effect where nothing is drawn")), "{unseen}");
+    }
+    let never = refused(&["--task", "reacher-easy", "--evaluate-every", "0", "--evaluation-episodes", "3"]);
+    assert!(never.contains("--evaluation-episodes has no effect"), "{never}");
     assert!(refused(&["--task", "reacher-easy", "--guard=-1"]).contains("0 or more"));
     assert!(refused(&["--task", "reacher-easy", "--entropy=-1"]).contains("0 or more"));
     assert!(refused(&["--task", "reacher-easy", "--every-start", "0"]).contains("above 0"));
     assert!(refused(&["--task", "reacher-easy", "--every-start", "15"]).contains("at most"));
-    assert!(refused(&["--task", "reacher-easy", "--short-horizon", "3", "--short-for", "0"]).contains("above 0"));
+    assert!(refused(&["--task", "reacher-easy", "--short-horizon", "3", "--short-for", "90"]).contains("must be above that"));
     assert!(refused(&["--task", "reacher-easy", "--guard", "1", "--guard-members", "1"]).contains("two to disagree"));
     assert!(refused(&["--task", "reacher-easy", "--guard-members", "3"]).contains("--guard-members has no effect"));
     assert!(refused(&["--task", "reacher-easy", "--agent", "sac", "--guard", "1"]).contains("--guard has no effect"));

@@ -17,7 +17,7 @@ fn a_stated_share_of_the_windows_is_of_the_given_recordings() {
     for (given_share, wanted) in [(0.25, 0.75), (0.7, 0.3), (1.0, 0.0)] {
         let options = ReplayOptions { length: 8, batch: 10, given_share };
         let given = std::slice::from_ref(&given);
-        let replay = Replay::open(own.path(), own.manifest().clone(), 1, given, options).unwrap();
+        let replay = Replay::open(own.path(), own.manifest().clone(), (1, 0), given, options).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let starts: Vec<(u32, u32)> = (0..300).flat_map(|_| replay.draw(10, &mut rng).starts).collect();
         assert_eq!(starts.len(), 3000, "every batch is whole");

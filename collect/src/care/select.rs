@@ -97,9 +97,10 @@ pub fn write_subset(
     Ok(Recording::open(out)?)
 }
 
-/// The options with a note of what was taken, and from what part if it was one already.
+/// The options with a note of what was taken, and from what part if it was one already. A part is not under the protocol that the whole was recorded under.
 fn with_note(options: &Value, note: &Value) -> Value {
     let mut options = options.as_object().cloned().unwrap_or_default();
+    options.remove("protocol");
     let mut note = note.clone();
     if let (Some(before), Some(note)) = (options.remove(SUBSET), note.as_object_mut()) {
         note.insert("of".into(), before);
@@ -143,6 +144,13 @@ impl fmt::Display for Numbers {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_part_is_under_no_protocol() {
+        let whole = serde_json::json!({ "task": "reacher-easy", "protocol": "dcs-easy-dynamic-500k" });
+        let part = with_note(&whole, &serde_json::json!({ "min_return": 800 }));
+        assert_eq!(part, serde_json::json!({ "task": "reacher-easy", (SUBSET): { "min_return": 800 } }));
+    }
 
     #[test]
     fn lists_of_numbers_are_read_and_written() {

@@ -233,7 +233,8 @@ pub(super) fn record_with_progress(
     let episodes = recording.episodes().len();
     if output.json {
         let returns = Returns::of(&recording);
-        let protocol = recording.manifest().options["protocol"].as_str();
+        // Fewer episodes than were asked for are not the protocol's.
+        let protocol = recording.manifest().options["protocol"].as_str().filter(|_| episodes as u64 >= wanted);
         let said = Said { recording: folder, episodes, seconds: meter.seconds(), protocol, returns };
         println!("{}", serde_json::to_string(&said)?);
     } else if !output.quiet {

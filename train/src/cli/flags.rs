@@ -116,10 +116,10 @@ struct OptionFlags {
     /// Least standard deviation of a predicted reward, in units of --reward-scale.
     #[arg(long)]
     reward_floor: Option<f64>,
-    /// Unit in which the reward model predicts; 0 for the standard deviation of the recordings' rewards.
+    /// Unit in which the reward model predicts; 0 for the standard deviation of the recordings' rewards (the paper lacks it).
     #[arg(long)]
     reward_scale: Option<f64>,
-    /// Added to the first bias of the recurrent networks' update gates.
+    /// Added to the first bias of the recurrent networks' update gates (the paper lacks it).
     #[arg(long)]
     gru_update_bias: Option<f64>,
     /// Updates between checkpoints.

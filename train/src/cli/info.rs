@@ -7,6 +7,7 @@ use clap::Args;
 use vibes_data::Metrics;
 use vibes_train::metrics::{Row, read_rows};
 use vibes_train::online::model_free::folder::Folder;
+use vibes_train::online::options::OnlineOptions;
 use vibes_train::run::Run;
 use vibes_train::trained::TrainedRun;
 
@@ -48,6 +49,9 @@ fn of_world_model(context: &Context, run: &Run) -> Result<()> {
         println!("  recordings   {} ({} episodes, {} steps)", names.join(", "), info.episodes, info.steps);
     }
     println!("  checkpoints  {}", checkpoints.iter().map(u64::to_string).collect::<Vec<_>>().join(", "));
+    if let Some(protocol) = OnlineOptions::read(run.path())?.and_then(|options| options.protocol) {
+        println!("  protocol     {protocol}");
+    }
     if let Some(last) = rows.last() {
         print_row(last, options.updates);
     }
@@ -70,6 +74,9 @@ fn of_model_free(context: &Context, folder: &Folder) -> Result<()> {
     println!("{}", folder.path().display());
     println!("  system       {}, {}", options.system, options.size);
     println!("  world        {}, distractors {}, seed {}", world.task, world.distractors.axes, options.seed);
+    if let Some(protocol) = options.online.protocol {
+        println!("  protocol     {protocol}");
+    }
     println!("  latents      {}", options.agent.latents());
     println!("  checkpoints  {}", checkpoints.iter().map(u64::to_string).collect::<Vec<_>>().join(", "));
     let number = |name: &str| metrics.last(name).unwrap_or(0.0);

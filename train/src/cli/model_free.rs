@@ -236,8 +236,8 @@ pub(crate) fn run(context: &Context, folder: &Folder, device: DeviceArgs) -> Res
     })?;
     if context.json {
         let end = format!("{end:?}").to_lowercase();
-        let last = Metrics::read(&folder.places().evaluations_path())?.lines.pop();
-        let protocol = folder.options().online.protocol;
+        let last = Metrics::read(&folder.places().evaluations_path())?.lines.pop().map(serde_json::Value::Object);
+        let protocol = super::online::protocol_of(last.as_ref());
         println!(
             "{}",
             serde_json::json!({ "run": folder.path(), "end": end, "protocol": protocol, "evaluation": last })

@@ -196,13 +196,18 @@ pub(crate) fn run(context: &Context, args: &OnlineArgs) -> Result<Ending> {
     Ok(if end == End::Stopped { Ending::Again } else { Ending::Done })
 }
 
+/// The protocol that the last evaluation of a run is one of; none of one that was made on the way, or before its control steps were lived through.
+pub(super) fn protocol_of(last: Option<&serde_json::Value>) -> Option<&str> {
+    last.filter(|line| line["is_final"] == true)?["protocol"].as_str()
+}
+
 #[allow(clippy::print_stdout, reason = "the command line says what it did")]
 fn report(context: &Context, run: &Run, end: End) -> Result<()> {
     let path = run.path().display();
     let last = Metrics::read(&run.evaluations_path())?.lines.pop().map(serde_json::Value::Object);
     if context.json {
         let end = format!("{end:?}").to_lowercase();
-        let protocol = OnlineOptions::read(run.path())?.and_then(|options| options.protocol);
+        let protocol = protocol_of(last.as_ref());
         println!("{}", serde_json::json!({ "run": run.path(), "end": end, "protocol": protocol, "evaluation": last }));
         return Ok(());
     }

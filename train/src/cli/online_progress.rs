@@ -99,10 +99,10 @@ impl OnlineProgress {
 
 fn summary(line: &Line) -> String {
     let returned = line.training_return.map_or(String::new(), |returned| format!(", return {returned:.1}"));
+    let pace = line.control_steps_per_second.map_or(String::new(), |pace| format!(", {pace:.0} control steps/s"));
     format!(
-        "{} agent steps, {:.0} control steps/s{returned}, imagined {:.1}, value/bound {:.2}, entropy {:.2}, dynamics {:.1}, reward {:.2}, rank {:.1}",
+        "{} agent steps{pace}{returned}, imagined {:.1}, value/bound {:.2}, entropy {:.2}, dynamics {:.1}, reward {:.2}, rank {:.1}",
         line.agent_steps,
-        line.control_steps_per_second,
         line.imagined_return,
         line.value_over_bound,
         line.entropy,
@@ -117,7 +117,10 @@ fn evaluated(evaluation: &Evaluation) -> String {
         |interval: Option<[f64; 2]>| interval.map_or(String::new(), |[low, high]| format!(" [{low:.1}, {high:.1}]"));
     let held_out = &evaluation.held_out;
     let training = &evaluation.training_videos;
-    let training = format!(", training videos {:.1}{}", training.mean_return, interval(training.interval));
+    let gap = evaluation.gap.as_ref().map_or(String::new(), |gap| {
+        format!(", gap {:.1}{}", gap.mean, interval(gap.interval))
+    });
+    let training = format!(", training videos {:.1}{}{gap}", training.mean_return, interval(training.interval));
     format!(
         "after {} control steps ({} agent steps): mean return on held-out videos {:.1}{} of {} episodes{training}",
         evaluation.counters.control_steps,

@@ -15,11 +15,12 @@ use vibes_model::trained::TrainedAgent;
 use super::actor::{ActorThread, EpisodeKind, Task, episode_seed};
 use super::options::OnlineOptions;
 use super::protocol::Protocol;
+use super::unfinished::Unfinished;
 use crate::error::{Result, io};
 use crate::fit::Go;
 
 /// Where a run stood.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Counters {
     /// Updates made.
     pub update: u64,
@@ -29,6 +30,9 @@ pub struct Counters {
     pub agent_steps: u64,
     /// Episodes admitted.
     pub episodes: u32,
+    /// Control steps of the recordings that the run began with, which it did not live through itself; views of an episode count once. None where there were no recordings.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub given_control_steps: Option<u64>,
 }
 
 /// Returns of some episodes.
@@ -41,6 +45,16 @@ pub struct Returns {
     pub interval: Option<[f64; 2]>,
     /// Every one.
     pub returns: Vec<f64>,
+}
+
+/// What new videos cost: the return under training videos less that under held-out ones, paired by episode.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Gap {
+    /// Its mean.
+    pub mean: f64,
+    /// 95 % interval of the mean (Student's t over pairs); absent with fewer than two.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub interval: Option<[f64; 2]>,
 }
 
 /// A line of `evaluations.jsonl`.
@@ -59,8 +73,19 @@ pub struct Evaluation {
     pub held_out: Returns,
     /// Under training videos.
     pub training_videos: Returns,
+    /// The gap between the two; none where nobody sees a video.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gap: Option<Gap>,
     /// Whether it is the last one.
     pub is_final: bool,
+}
+
+impl Gap {
+    fn between(training_videos: &Returns, held_out: &Returns) -> Result<Self> {
+        let pairs = training_videos.returns.iter().zip(&held_out.returns);
+        let Returns { mean_return, interval, .. } = Returns::of(pairs.map(|(known, new)| known - new).collect())?;
+        Ok(Self { mean: mean_return, interval })
+    }
 }
 
 impl Returns {
@@ -71,14 +96,15 @@ impl Returns {
     }
 }
 
-/// Evaluates; the last evaluation has its own number of episodes and starts. Nothing comes of it where `listen`, which is asked after every episode, stops it.
+/// Evaluates; the last evaluation has its own number of episodes and starts. Nothing comes of it where `listen`, which is asked after every episode, stops it; what was lived
+/// through then lies in the folder `run`, where the same evaluation goes on with it.
 ///
 /// # Errors
 /// An episode cannot be lived through.
 pub fn evaluate(
     acting: &ActorThread,
     agent: &TrainedAgent,
-    options: &OnlineOptions,
+    (run, options): (&Path, &OnlineOptions),
     counters: Counters,
     (seed, is_final): (u64, bool),
     listen: &mut dyn FnMut() -> Go,
@@ -88,27 +114,29 @@ pub fn evaluate(
         true => (EpisodeKind::Final, options.final_episodes.max(1)),
         false => (EpisodeKind::Evaluation, options.evaluation_episodes.max(1)),
     };
+    let mut unfinished = Unfinished::open(run, counters, is_final);
     let mut returns = |videos| {
-        let mut returns = Vec::new();
-        for number in 0..count {
+        for number in unfinished.of(videos).len() as u32..count {
             let player = Some(Player::new(agent.clone(), choice, 0.0));
             let seed = episode_seed(seed, kind, u64::from(number));
-            returns.push(acting.live(Task { player, videos, seed, keep: None })?.episode_return);
+            unfinished.push(videos, acting.live(Task { player, videos, seed, keep: None })?.episode_return)?;
             if listen() == Go::Stop {
                 return Ok(None);
             }
         }
-        Returns::of(returns).map(Some)
+        let lived = unfinished.of(videos);
+        Returns::of(lived[..lived.len().min(count as usize)].to_vec()).map(Some)
     };
     let Some(held_out) = returns(VideoSet::Val)? else { return Ok(None) };
     // Where nobody sees a video the episodes of the two sets are the same.
     let has_videos = options.world.pictures().is_some() && options.world.distractors.axes.background;
     let training_videos = if has_videos { returns(VideoSet::Train)? } else { Some(held_out.clone()) };
     let Some(training_videos) = training_videos else { return Ok(None) };
+    let gap = has_videos.then(|| Gap::between(&training_videos, &held_out)).transpose()?;
     let is_over = counters.control_steps >= options.control_steps;
     let protocol = options.protocol.filter(|_| is_over || !is_final);
     let videos = protocol.map(|_| options.world.videos.name());
-    Ok(Some(Evaluation { counters, protocol, videos, held_out, training_videos, is_final }))
+    Ok(Some(Evaluation { counters, protocol, videos, held_out, training_videos, gap, is_final }))
 }
 
 /// Drops the lines of evaluations that a stopped run made after its last checkpoint: those from `next` control steps on, and of a run that was not `finished` there the last
@@ -137,6 +165,17 @@ pub(super) fn drop_beyond(path: &Path, next: u64, control_steps: u64, finished: 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_gap_is_of_pairs() {
+        let of = |returns: &[f64]| Returns::of(returns.to_vec()).unwrap();
+        let (known, new) = (of(&[100.0, 900.0, 500.0]), of(&[90.0, 880.0, 494.0]));
+        let gap = Gap::between(&known, &new).unwrap();
+        assert!((gap.mean - 12.0).abs() < 1e-9);
+        let [low, high] = gap.interval.unwrap();
+        assert!(0.0 > low && high < 40.0, "{low} to {high}: starts that differ by hundreds do not count");
+        assert_eq!(Gap::between(&of(&[3.0]), &of(&[1.0])).unwrap(), Gap { mean: 2.0, interval: None });
+    }
 
     #[test]
     fn what_was_evaluated_after_the_last_checkpoint_is_dropped() {

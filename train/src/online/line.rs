@@ -55,12 +55,15 @@ pub struct Line {
     /// Correlation of the two over windows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub foresight: Option<f64>,
-    /// Control steps a second, end to end.
-    pub control_steps_per_second: f64,
+    /// Control steps a second, end to end; this and what follows are none for the updates before the first episode.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control_steps_per_second: Option<f64>,
     /// Share of the round that the learner waited for the actor's thread.
-    pub waiting_for_actor_share: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub waiting_for_actor_share: Option<f64>,
     /// Share of the round that the actor's thread was at work.
-    pub acting_share: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub acting_share: Option<f64>,
 }
 
 /// Sums over the updates of a round.
@@ -122,9 +125,9 @@ impl Round {
             foreseen_reward: foresight.map_or(0.0, |foresight| foresight.imagined),
             recorded_reward: foresight.map_or(0.0, |foresight| foresight.recorded),
             foresight: foresight.and_then(|foresight| foresight.correlation),
-            control_steps_per_second: lived.map_or(0.0, |lived| f64::from(lived.steps) * repeat / seconds),
-            waiting_for_actor_share: waited / seconds,
-            acting_share: lived.map_or(0.0, |lived| lived.seconds / seconds),
+            control_steps_per_second: lived.map(|lived| f64::from(lived.steps) * repeat / seconds),
+            waiting_for_actor_share: lived.map(|_| waited / seconds),
+            acting_share: lived.map(|lived| lived.seconds / seconds),
         }
     }
 }

@@ -26,6 +26,7 @@ use vibes_model::trained::TrainedAgent;
 use super::BETWEEN_SAVES;
 use super::actor::{self, ActorThread, EpisodeKind, Living, Task, episode_seed};
 use super::evaluate::{self, Evaluation};
+use super::unfinished;
 use crate::error::Result;
 use crate::fit::{End, Go};
 use crate::learners::model_free::ModelFreeLearner;
@@ -137,13 +138,16 @@ pub(super) fn model_free_living(
     let was_finished = std::mem::replace(&mut state.is_finished, false);
     // Evaluations may have been asked for more often since then.
     state.next_evaluation = state.next_evaluation.min(options.online.next_evaluation(state.control_steps));
+    let is_new = resumed.is_none();
     let learner = match resumed {
         Some((learner, _)) => learner,
         None => options.learner(device)?,
     };
     let [length, batch] = options.agent.windows();
     let sizes = ReplayOptions { length, batch, given_share: 0.0 };
-    let replay = Replay::open(&place, manifest, state.episodes, &[], sizes)?;
+    // Random episodes depend on the seed alone: what a killed run had of them is there still.
+    let kept = if is_new { options.online.prefill.max(1) } else { 0 };
+    let replay = Replay::open(&place, manifest, (state.episodes, kept), &[], sizes)?;
     listen(Event::Start { control_steps: state.control_steps });
     let evaluations = folder.places().evaluations_path();
     evaluate::drop_beyond(&evaluations, state.next_evaluation, state.control_steps, was_finished)?;
@@ -178,8 +182,11 @@ struct Training<'a> {
 impl Training<'_> {
     fn run(&mut self, mut learner: ModelFreeLearner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
         while self.state.episodes < self.options.online.prefill.max(1) {
-            let lived = self.acting.live(self.task(None, "random".to_owned()))?;
-            self.admit(lived.steps)?;
+            let steps = match self.replay.next_written()? {
+                Some((steps, _)) => steps,
+                None => self.acting.live(self.task(None, "random".to_owned()))?.steps,
+            };
+            self.admit(steps)?;
             if listen(Event::Admitted) == Go::Stop {
                 return Ok(End::Stopped);
             }
@@ -218,7 +225,11 @@ impl Training<'_> {
     fn save(&mut self, learner: &ModelFreeLearner) -> Result<()> {
         self.replay.complete()?;
         self.saved = Instant::now();
-        self.folder.save(learner, self.state)
+        self.folder.save(learner, self.state)?;
+        if self.is_evaluation_due() {
+            return Ok(());
+        }
+        unfinished::forget(self.folder.path())
     }
 
     /// Who acts with these weights, which it copies.
@@ -298,12 +309,22 @@ impl Training<'_> {
         }
     }
 
+    /// Whether what comes next is the last evaluation.
+    fn is_last(&self) -> bool {
+        self.state.control_steps >= self.options.online.control_steps
+    }
+
+    fn is_evaluation_due(&self) -> bool {
+        let is_due =
+            self.options.online.evaluate_every > 0 && self.state.control_steps >= self.state.next_evaluation;
+        !self.state.is_finished && (self.is_last() || is_due)
+    }
+
     /// When it is due, and at the end.
     fn evaluate(&mut self, learner: &ModelFreeLearner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Go> {
         let options = &self.options.online;
-        let is_last = self.state.control_steps >= options.control_steps;
-        let is_due = options.evaluate_every > 0 && self.state.control_steps >= self.state.next_evaluation;
-        if !is_last && !is_due {
+        let is_last = self.is_last();
+        if !self.is_evaluation_due() {
             return Ok(Go::On);
         }
         // An evaluation takes minutes, which what was learned before it shall not be lost with.
@@ -316,10 +337,11 @@ impl Training<'_> {
             control_steps: self.state.control_steps,
             agent_steps: self.state.agent_steps,
             episodes: self.state.episodes,
+            given_control_steps: None,
         };
-        let seed = (self.options.seed, is_last);
+        let (seed, place) = ((self.options.seed, is_last), (self.folder.path(), options));
         let judged = &mut || listen(Event::Judged);
-        let Some(evaluation) = evaluate::evaluate(&self.acting, &agent, options, counters, seed, judged)? else {
+        let Some(evaluation) = evaluate::evaluate(&self.acting, &agent, place, counters, seed, judged)? else {
             return Ok(Go::Stop);
         };
         self.evaluations.append(&evaluation)?;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use vibes_data::write_atomically;
 use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::Look;
-use vibes_env::videos::{VideoSet, VideoSource};
+use vibes_env::videos::{VideoSource, davis};
 
 use super::protocol::Protocol;
 use crate::error::{Result, TrainError, io, malformed};
@@ -184,8 +184,11 @@ impl OnlineOptions {
             let (short, horizon) = (self.short_horizon, self.behaviour.horizon);
             return wrong(format!("--short-horizon is {short}; it must be below the horizon of {horizon}"));
         }
-        if self.short_horizon > 0 && self.short_for == 0 {
-            return wrong("--short-for is 0; it must be above 0, or leave out --short-horizon".to_owned());
+        if self.short_horizon > 0 && self.short_for <= self.critic_first {
+            let (updates, critic) = (self.short_for, self.critic_first);
+            return wrong(format!(
+                "--short-for is {updates}, and the actor moves after {critic} updates (--critic-first); it must be above that, or leave out --short-horizon"
+            ));
         }
         self.world.check_videos()?;
         match self.protocol {
@@ -229,10 +232,9 @@ impl OnlineOptions {
             let wanted = "all three axes, easy and dynamic, four videos";
             return refuse("the distractors", "others".to_owned(), wanted.to_owned());
         }
-        if let VideoSource::Folder(_) = &world.videos
-            && world.videos.list(VideoSet::Train, None)? == world.videos.list(VideoSet::Val, None)?
-        {
-            let wanted = "of DAVIS 2017, whose lists say what is held out, or the built-in ones";
+        let count = settings.distractors.difficulty.videos();
+        if world.videos != VideoSource::Procedural && !world.videos.is_davis(count.unwrap_or(davis::VAL.len())) {
+            let wanted = "of DAVIS 2017, the first of both of its lists, or the built-in ones";
             return refuse("videos", "of another folder".to_owned(), wanted.to_owned());
         }
         if world.size.is_none() {
@@ -303,6 +305,12 @@ mod tests {
             ("behaviour.discount", |options| options.behaviour.discount = 0.5),
             ("world.steps", |options| options.world.steps = 40),
         ];
+        let short = OnlineOptions { short_horizon: 5, short_for: 400, critic_first: 500, ..found.clone() };
+        assert!(short.check().unwrap_err().to_string().contains("--short-for is 400"));
+        let short = OnlineOptions { critic_first: 300, ..short };
+        short.check().unwrap();
+        let horizons = [0, 399, 400].map(|updates| short.behaviour_at(updates).horizon);
+        assert_eq!(horizons, [5, 5, found.behaviour.horizon]);
         let endless = OnlineOptions { rows_per_step: 1e300, ..found.clone() };
         assert!(endless.check().unwrap_err().to_string().contains("must be at most"));
         for (key, change) in changes {

@@ -167,6 +167,40 @@ fn a_run_that_is_stopped_anywhere_stops_there_and_the_same_command_ends_with_the
     }
 }
 
+/// The last evaluation of a run, stopped after two of its five episodes, makes the other three.
+#[test]
+fn an_evaluation_that_was_stopped_goes_on_with_its_next_episode() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = OnlineOptions { final_episodes: 5, ..options() };
+    let go = |name: &str, most: usize| {
+        let mut judged = 0;
+        let end = lived(&folder.path().join(name), options.clone(), 0.0, actor::as_it_is, &mut |event| {
+            judged += usize::from(matches!(event, Event::Judged));
+            if judged >= most && matches!(event, Event::Judged) { Go::Stop } else { Go::On }
+        });
+        (end.unwrap(), judged)
+    };
+    let begun = |name: &str| folder.path().join(name).join("evaluating.json").exists();
+    let evaluations = |name: &str| std::fs::read(folder.path().join(name).join("evaluations.jsonl")).unwrap();
+    assert_eq!(go("undisturbed", 99), (End::Updates, 5));
+    assert_eq!((go("stopped", 2), begun("stopped")), ((End::Stopped, 2), true));
+    assert_eq!((go("stopped", 99), begun("stopped")), ((End::Updates, 3), false));
+    assert_eq!(evaluations("stopped"), evaluations("undisturbed"));
+}
+
+/// Random episodes depend on the seed alone, so that those of a run which was stopped before it learned anything are kept.
+#[test]
+fn random_episodes_are_not_lived_through_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let first = run.join("replay/episodes/000000.arrow");
+    let stop = &mut |event: Event<'_>| if matches!(event, Event::Lived { .. }) { Go::Stop } else { Go::On };
+    assert_eq!(lived(&run, options(), 0.0, actor::as_it_is, stop).unwrap(), End::Stopped);
+    let written = std::fs::metadata(&first).unwrap().modified().unwrap();
+    assert_eq!(lived(&run, options(), 0.0, actor::as_it_is, &mut |_| Go::On).unwrap(), End::Updates);
+    assert_eq!(std::fs::metadata(&first).unwrap().modified().unwrap(), written);
+}
+
 #[test]
 fn a_run_whose_minutes_are_up_is_evaluated_once_and_goes_on_with_more_of_them() {
     let folder = tempfile::tempdir().unwrap();

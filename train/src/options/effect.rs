@@ -3,10 +3,13 @@
 use toml::Table;
 
 use super::Options;
+use super::presets::PRESETS;
 use crate::error::{Result, TrainError};
 use crate::learners::{auxiliary, objective};
 
 impl Options {
+    /// A value that a preset has may stand: a run's config.toml says all of its own.
+    ///
     /// # Errors
     /// An option differs from `base`'s, and neither the objective nor a term that is on looks at it.
     pub fn check_effect(&self, base: &Self) -> Result<()> {
@@ -18,7 +21,13 @@ impl Options {
 
     fn idle(&self, base: &Self) -> Option<(String, String)> {
         let (mine, theirs) = (Table::try_from(self).ok()?, Table::try_from(base).ok()?);
-        let changed = |key: &str| mine.get(key) != theirs.get(key);
+        let named: Table = [("objective".to_owned(), self.objective.to_string().into())].into_iter().collect();
+        let presets = PRESETS.map(|(preset, _)| {
+            let options = Self::resolve(preset, &[("the preset", named.clone())]).ok();
+            options.and_then(|options| Table::try_from(options).ok()).unwrap_or_default()
+        });
+        let of_preset = |key: &str| presets.iter().any(|preset| preset.get(key) == mine.get(key));
+        let changed = |key: &str| mine.get(key) != theirs.get(key) && !of_preset(key);
         let name = self.objective.to_string();
         let is_read = |flag: &str| self.objective.reads().iter().any(|option| option.flag == flag);
         let own = objective::REGISTRY.iter().flat_map(|definition| definition.options());

@@ -60,8 +60,13 @@ impl OnlineArgs {
         self.refuse(of_other.iter().map(String::as_str), &format!("for an agent {agent}"))?;
         let unguarded: &[&str] = if options.behaviour.guard > 0.0 { &[] } else { &["guard_members"] };
         self.refuse(unguarded.iter().copied(), "without a guard (--guard)")?;
-        let unseen: &[&str] = if options.world.size.is_none() { &["videos", "video_count"] } else { &[] };
+        let is_unseen = options.world.size.is_none();
+        let unseen: &[&str] = if is_unseen { &["videos", "video_count", "difficulty", "static"] } else { &[] };
         self.refuse(unseen.iter().copied(), "where nothing is drawn (--no-pixels)")?;
+        let asked: &[&str] = if is_unseen && axes != Axes::NONE { &["distract"] } else { &[] };
+        self.refuse(asked.iter().copied(), "where nothing is drawn (--no-pixels), but for --distract none")?;
+        let never: &[&str] = if options.evaluate_every == 0 { &["evaluation_episodes"] } else { &[] };
+        self.refuse(never.iter().copied(), "without evaluations on the way (--evaluate-every 0)")?;
         self.refuse([background, any].concat(), "without such distractors (--distract)")
     }
 }

@@ -37,7 +37,7 @@ pub struct Vibes;
 pub const CLIP: Declared = Declared {
     flag: "clip",
     kind: Kind::Choice { default: "batch", among: &["batch", "batch-time", "none"] },
-    help: "Over what the log-ratio of dynamics and adversary is summed, for each dimension, before it is cut at 0 (only with --objective vibes)",
+    help: "Over what the log-ratio of dynamics and adversary is summed, for each dimension, before it is cut at 0; the paper has batch alone (only with --objective vibes)",
 };
 
 /// See [`CLIP`].
