@@ -17,7 +17,7 @@ pub const RETURNS: [&str; 6] =
     [HELD_OUT_RETURN, "eval_return", "mean_return", "return", "training_return", "episode_return"];
 
 /// Name, title, whether higher is better; in the order in which they are shown.
-const KNOWN: [(&str, &str, bool); 19] = [
+const KNOWN: [(&str, &str, bool); 21] = [
     (HELD_OUT_RETURN, "return, held-out videos", true),
     ("held_out.training_videos.mean_return", "return, training videos", true),
     ("training_return", "return while training", true),
@@ -37,6 +37,8 @@ const KNOWN: [(&str, &str, bool); 19] = [
     ("held_out.numbers.distractor_share.estimate", "held-out distractor_share", false),
     ("held_out.numbers.open_loop_reward_r2@10.estimate", "held-out open_loop_reward_r2@10", true),
     ("held_out.numbers.probe/reward/hs.estimate", "held-out probe/reward/hs", true),
+    ("held_out.gap.mean", "return, training less held-out videos", false),
+    ("inverse_log_likelihood", "log-likelihood of the action taken (nats)", true),
 ];
 
 /// What is in the names of metrics of which a lower number is better.

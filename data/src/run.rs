@@ -291,6 +291,16 @@ fn renamed(mut line: Map<String, Value>) -> Map<String, Value> {
     line
 }
 
+/// A line of at most so many updates as it stands, or under today's names; none of one beyond, or of no line of numbers.
+fn kept(line: &str, update: u64) -> Option<String> {
+    let numbers: Map<String, Value> = serde_json::from_str(line).ok()?;
+    if numbers.get("update")?.as_u64()? > update {
+        return None;
+    }
+    let today = renamed(numbers.clone());
+    if today == numbers { Some(line.to_owned()) } else { serde_json::to_string(&today).ok() }
+}
+
 /// An open file of numbers that grows by one line at a time.
 #[derive(Debug)]
 pub struct MetricsFile {
@@ -304,15 +314,13 @@ impl MetricsFile {
     /// # Errors
     /// [`Error::Io`].
     pub fn open(path: &Path, update: u64) -> Result<Self> {
-        let is_kept = |line: &&Map<String, Value>| {
-            line.get("update").and_then(Value::as_u64).is_some_and(|number| number <= update)
+        let before = match std::fs::read_to_string(path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+            Err(error) => return Err(Error::io("read", path)(error)),
         };
-        let mut text = String::new();
-        for line in Metrics::read(path)?.lines.iter().filter(is_kept) {
-            text += &serde_json::to_string(line).unwrap_or_default();
-            text.push('\n');
-        }
-        write_atomically(path, text.as_bytes())?;
+        let kept: String = before.lines().filter_map(|line| kept(line, update)).flat_map(|line| [line, "\n".into()]).collect();
+        write_atomically(path, kept.as_bytes())?;
         let file = OpenOptions::new().append(true).open(path).map_err(Error::io("open", path))?;
         Ok(Self { path: path.to_owned(), file })
     }

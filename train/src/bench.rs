@@ -17,9 +17,11 @@ use crate::options::Options;
 use crate::windows::Windows;
 
 mod agent;
+mod end_to_end;
 mod online;
 
 pub use agent::bench_agent;
+pub use end_to_end::EndToEnd;
 pub use online::{OnlineReport, bench_online};
 
 /// Sizes of what is made up.

@@ -4,6 +4,7 @@
 //! ```text
 //! online.json                        the options of online training
 //! replay/                            what was lived through, one episode a file
+//! evaluating.json                    the returns of an evaluation that is not over, or not saved
 //! checkpoints/000500/
 //!     behaviour.safetensors          actor, critic, slow critic
 //!     guard.safetensors              the guard's reward heads, where there is one
@@ -15,9 +16,8 @@
 //! updates that the episode before has paid for; then the episode is admitted. So every number is decided by the options and the seed, however
 //! fast either thread was, and a run that was stopped at any moment goes on from its last checkpoint to the same bytes.
 
-use std::time::{Duration, Instant};
-
 use std::collections::BTreeSet;
+use std::time::{Duration, Instant};
 
 use burn::tensor::Device;
 use rand::SeedableRng;
@@ -128,6 +128,8 @@ fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'
         resumed.as_ref().map_or_else(Default::default, |resumed| (resumed.online, resumed.world));
     let is_over = state.control_steps >= options.control_steps || out_of_time(model_options, world_state.seconds);
     if state.is_finished && is_over {
+        // A kill between the last checkpoint and this would have left it.
+        unfinished::forget(run.path())?;
         return Ok(End::Nothing);
     }
     let was_finished = std::mem::replace(&mut state.is_finished, false);
@@ -144,7 +146,7 @@ fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'
     std::thread::scope(|scope| {
         let acting = ActorThread::living(live, scope, &options.world, libraries, replay.writer());
         let (saved, is_saved) = (Instant::now(), resumed.is_some());
-        let given_control_steps = given_control_steps(run, given, options.world.action_repeat);
+        let given_control_steps = given_control_steps(run, given);
         let mut training = Training { setup, given_control_steps, acting, session, state, replay, saved, is_saved };
         let end = training.begin_and_run(resumed, listen);
         if end.is_err() {
@@ -414,19 +416,24 @@ impl Training<'_> {
     }
 }
 
-/// Control steps of the recordings that a run began with, whether their windows are mixed in or not; a state trajectory that was recorded under several distractors, or drawn
-/// again, counts once. None where there are none, or they are gone.
-fn given_control_steps(run: &Run, given: &[Recording], action_repeat: u32) -> Option<u64> {
-    let of_weights = match given {
-        [] => run.open_from().ok()??.open_recordings().ok()?,
-        _ => Vec::new(),
-    };
-    let entries = given.iter().chain(&of_weights).flat_map(Recording::episodes);
-    let trajectories: BTreeSet<_> = entries
-        .map(|entry| (entry.seed, entry.policy.as_str(), entry.steps, entry.episode_return.to_bits()))
-        .collect();
-    let steps: u64 = trajectories.iter().map(|(_, _, steps, _)| u64::from(*steps)).sum();
-    (steps > 0).then(|| steps * u64::from(action_repeat))
+/// Control steps of the recordings that a run and those that it went on from began with, whether their windows are mixed in or not; a state trajectory that was recorded under
+/// several distractors, or drawn again, counts once, and what is gone does not. None where there is nothing.
+fn given_control_steps(run: &Run, given: &[Recording]) -> Option<u64> {
+    let mut recordings = given.to_vec();
+    let mut from = run.open_from().ok().flatten();
+    while let Some(before) = from {
+        recordings.extend(before.open_recordings().unwrap_or_default());
+        from = before.open_from().ok().flatten();
+    }
+    let mut trajectories = BTreeSet::new();
+    for recording in &recordings {
+        let repeat = recording.manifest().spec.action_repeat;
+        trajectories.extend(recording.episodes().iter().map(|entry| {
+            (entry.seed, entry.policy.clone(), entry.episode_return.to_bits(), entry.steps, repeat)
+        }));
+    }
+    let steps: u64 = trajectories.iter().map(|(.., steps, repeat)| u64::from(*steps) * u64::from(*repeat)).sum();
+    (steps > 0).then_some(steps)
 }
 
 fn look_ahead(learner: &Learner, rows: &Replayed, run: &Run, update: u64, device: &Device) -> Foresight {

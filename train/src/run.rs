@@ -15,7 +15,7 @@
 //! ```
 //!
 //! A checkpoint is written beside its place and renamed, so it is there whole or not at all. The random numbers of an update follow from the seed and the update's
-//! number, so the number is the whole random state.
+//! number, counted on from the run before, so the number is the whole random state.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs;
@@ -243,7 +243,7 @@ impl Run {
         })
     }
 
-    /// What another run begins with that goes on from this one's newest checkpoint under `options`: weights, moments of both optimisers, gate, and how far its
+    /// What another run begins with that goes on from this one's newest checkpoint under `options`: weights, moments of both optimisers, gate (closed where this run did not wait and the other does), and how far its
     /// schedules have come. A checkpoint of weights alone counts as one whose gate is open; where moments are missing, Adam begins anew. Heads that `wanted` has and this run
     /// lacks begin anew, heads that it no longer has are left behind.
     ///

@@ -231,12 +231,18 @@ fn damaged_and_missing_runs_are_told_apart() {
 #[test]
 fn evaluate_on_a_grid_while_training_and_after() {
     let folder = tempfile::tempdir().unwrap();
-    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 20, false);
-    synthetic::recording(&folder.path().join("grid"), synthetic::SIDE, 6, 20, true);
+    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 40, false);
+    synthetic::recording(&folder.path().join("grid"), synthetic::SIDE, 6, 40, true);
     let options = ["--preset", "tiny", "--updates", "4", "-o", "run", "--eval-every", "2"];
     assert_done(&vibes_train(folder.path(), &[&["offline", "coins", "--eval", "grid"][..], &options[..]].concat()));
     let lines = std::fs::read_to_string(folder.path().join("run/evaluations.jsonl")).unwrap();
     assert_eq!(lines.lines().count(), 2);
+    // What a policy needs can be followed while training.
+    for line in lines.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap()) {
+        for name in ["open_loop_reward_r2@10", "open_loop_reward_r2_shuffled@10", "probe/coin[0]/h", "probe/coin[0]/hs"] {
+            assert!(line["numbers"][name]["estimate"].is_f64(), "{name}: {line}");
+        }
+    }
     let output = vibes_train(folder.path(), &["evaluate", "run", "grid", "--gap-updates", "3", "--json"]);
     assert_done(&output);
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();

@@ -270,6 +270,23 @@ fn a_run_that_began_elsewhere_is_another_run() {
     go_on("second", Some(&place("moved/run"))).unwrap();
 }
 
+/// What did not wait had its gate open from the first update on, which says nothing of whether the reward was learned.
+#[test]
+fn a_run_that_begins_to_wait_begins_with_a_closed_gate() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false)];
+    let [first, second] = ["first", "second"].map(|name| folder.path().join(name));
+    train(&first, &recordings, &options("objective = 'no-adversary'\nupdates = 2")).unwrap();
+    let waiting = options("objective = 'no-adversary'\nwait = 'yes'\nupdates = 2\ndynamics_after = 0.25");
+    let run = prepare(&second, &recordings, &waiting, Some(&first)).unwrap();
+    fit(&run, &recordings, &Device::flex(), None, &mut |_| Go::On).unwrap();
+    let opened = |run: &Path| {
+        let state = fs::read_to_string(run.join("checkpoints/000002/state.json")).unwrap();
+        serde_json::from_str::<vibes_train::run::State>(&state).unwrap().gate.opened
+    };
+    assert_eq!((opened(&first), opened(&second)), (Some(0), None));
+}
+
 /// A term may be added, or left out, on the way: its head begins anew and everything else goes on.
 #[test]
 fn going_on_with_another_term_keeps_all_other_weights() {

@@ -121,7 +121,7 @@ fn every_counted_row_of_a_replays_windows_is_imagined_as_it_was_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path().join("run");
     let line = "online --task known-slide --no-pixels --distract none --preset tiny --steps 20 --control-steps 160 --prefill 5 --first-updates 0 \
-                --evaluate-every 0 --evaluation-episodes 1 --final-episodes 1 -o";
+                --evaluate-every 0 --final-episodes 1 -o";
     let output = program().args(line.split_whitespace()).arg(&place).output().unwrap();
     assert!(output.status.success(), "{}", text(&output));
     let action_repeat = OnlineOptions::read(&place).unwrap().unwrap().world.action_repeat;

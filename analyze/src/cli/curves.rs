@@ -87,7 +87,8 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let out = options.output.clone().unwrap_or_else(|| options.runs[0].join("figures"));
     std::fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
     let heading = |title: &str| Heading::new(title).with_note(options.note.clone());
-    let title = if names.len() < runs.len() { "Training, mean and 95% interval over runs" } else { "Training" };
+    let is_of_several = curves.iter().any(|shown| shown.curves.iter().any(|curve| curve.runs > 1));
+    let title = if is_of_several { "Training, mean and 95% interval over runs" } else { "Training" };
     let mut files = Figure::Curves(figure(heading(title), &runs, &names, &curves)).save(&out, "curves")?;
     let tabled = match &options.table {
         Some(name) => Some(Metric::named(known(name, &runs)?)),

@@ -6,10 +6,13 @@ use super::axes::{Axes, Chart, Drawn, chart, rgba};
 use super::heading::Heading;
 use super::legend::{self, Mark};
 use crate::picture::color::{Color, kind};
-use crate::picture::font::{Weight, fit};
+use crate::picture::font::{Weight, wrap};
 use crate::picture::number::LABEL_SIZE;
 use crate::picture::plot::{units, width_units};
 use crate::picture::{COLUMN, PAGE, Picture, Rect, TextStyle};
+
+/// From one line of a name to the next, points.
+const LINE: f64 = LABEL_SIZE + 1.5;
 
 /// One line with its band.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,20 +60,29 @@ impl Curves {
         };
         let width = if columns == 1 { COLUMN } else { PAGE };
         let rows = self.facets.len().div_ceil(columns).max(1);
-        let (w, h) = ((width - 6.0) / columns as f64, if columns == 1 { 150.0 } else { 128.0 });
+        let w = (width - 6.0) / columns as f64;
+        // Room for the longest name, so that the plots stand in line.
+        let lines = self.facets.iter().map(|facet| facet.title(w - 12.0).len()).max().unwrap_or(1).max(1);
+        let above = 12.0 + (lines - 1) as f64 * LINE;
+        let h = above + if columns == 1 { 138.0 } else { 116.0 };
         let key = legend::label_height(&self.groups, width - 12.0);
         let (mut picture, top) = self.heading.picture(width, key + 4.0 + rows as f64 * h);
         let colors: Vec<Color> = (0..self.groups.len()).map(kind).collect();
         legend::labels(&mut picture, (6.0, top), (&self.groups, &colors), Mark::Line, width - 12.0);
         for (i, facet) in self.facets.iter().enumerate() {
             let (x, y) = ((i % columns) as f64 * w, top + key + 4.0 + (i / columns) as f64 * h);
-            facet.draw(&mut picture, Rect::new(x + 34.0, y + 12.0, w - 42.0, h - 38.0), &self.axis);
+            facet.draw(&mut picture, Rect::new(x + 34.0, y + above, w - 42.0, h - above - 26.0), &self.axis);
         }
         picture
     }
 }
 
 impl Facet {
+    /// Its name in lines that fit.
+    fn title(&self, room: f64) -> Vec<String> {
+        wrap(&self.metric, LABEL_SIZE, Weight::Bold, room)
+    }
+
     fn draw(&self, picture: &mut Picture, area: Rect, axis_title: &str) {
         let finite = |values: &mut dyn Iterator<Item = f64>| {
             let (lo, hi) = values
@@ -83,8 +95,9 @@ impl Facet {
         let (y0, y1) = finite(&mut self.curves.iter().flat_map(|c| c.mean.iter().copied()).chain(bands));
         let pad = 0.04 * (y1 - y0);
         let y = (y0 - pad, y1 + pad);
-        let title = fit(&self.metric, LABEL_SIZE, Weight::Bold, area.w + 30.0);
-        picture.text((area.x - 26.0, area.y - 5.0), title, TextStyle::new(LABEL_SIZE).bold());
+        for (up, line) in self.title(area.w + 30.0).into_iter().rev().enumerate() {
+            picture.text((area.x - 26.0, area.y - 5.0 - up as f64 * LINE), line, TextStyle::new(LABEL_SIZE).bold());
+        }
         let axes = Axes { area, x, y, x_title: Some(axis_title), y_axis: true, x_rules: false };
         chart(picture, axes, |chart| self.curves.iter().try_for_each(|curve| curve.draw(chart)));
     }

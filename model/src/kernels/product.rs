@@ -14,10 +14,8 @@ mod portable;
 /// Columns of a panel: two AVX-512 registers.
 pub(super) const PANEL: usize = 32;
 
-/// Most rows of the product made at once: with AVX-512 12 rows of two registers leave enough registers for the right side.
+/// Most rows of the product made at once: 12 rows of two registers leave enough registers for the right side.
 const TILE: usize = 12;
-/// The same with AVX2, which makes half of a panel's columns at a time: that half of the right side stays in the first cache for all of these rows.
-const TILE_AVX2: usize = 48;
 
 /// Where the left side's numbers lie: element `(row, k)` with `k = outer·inner + i` is at `row·ROW + outer·outer_step + i·STEP`.
 #[derive(Clone, Copy, Debug)]
@@ -51,10 +49,9 @@ impl<const ROW: usize, const STEP: usize> Left<'_, ROW, STEP> {
     /// If a slice is too short.
     #[inline]
     pub(super) fn times(&self, right: &[f32], rows: usize, out: &mut [f32], add: bool, instructions: Instructions) {
-        let most = if instructions == Instructions::Avx2 { TILE_AVX2 } else { TILE };
-        for start in (0..rows).step_by(most) {
+        for start in (0..rows).step_by(TILE) {
             let tile = Left { data: &self.data[start * ROW..], ..*self };
-            let count = most.min(rows - start);
+            let count = TILE.min(rows - start);
             tile.tile(right, count, &mut out[start * PANEL..(start + count) * PANEL], add, instructions);
         }
     }

@@ -1,6 +1,7 @@
 //! How long online training takes, and of what: a whole update of world model, actor and critic by part, and an episode as the actor's thread lives through it. In: options.
-//! Out: milliseconds by part, and which of the two threads waits for the other.
+//! Out: milliseconds by part, control steps a second of the loop as it runs, and which of its two threads is waited for.
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -18,6 +19,7 @@ use vibes_model::player::Player;
 use vibes_model::trained::TrainedAgent;
 use vibes_model::{Model, ObservationKind};
 
+use super::end_to_end::{EndToEnd, end_to_end};
 use super::{Part, Sizes, made_up_windows, median, ms, phase_parts};
 use crate::batch::Batch;
 use crate::error::Result;
@@ -46,13 +48,13 @@ pub struct OnlineReport {
     pub step_ms: f64,
     /// Updates for every agent step.
     pub updates_per_step: f64,
-    /// Control steps a second when learner and actor each have a core: the slower one decides.
-    pub control_steps_per_second: f64,
+    /// The loop as it runs, in short episodes.
+    pub end_to_end: EndToEnd,
     /// Who is waited for: `learner` or `actor`.
     pub waited_for: &'static str,
 }
 
-/// Times updates on made-up windows, and one episode of `online`'s world.
+/// Times updates on made-up windows, one episode of `online`'s world, and the two at once.
 ///
 /// # Errors
 /// The task is unknown, or this machine cannot draw.
@@ -96,8 +98,12 @@ pub fn bench_online(
     let mut parts = phase_parts(&phases);
     parts.extend(behaviour_parts(&made));
     let updates_per_step = online.updates_per_step(options.length * options.batch);
-    let learning_ms = (world_ms + behaviour_ms) * updates_per_step;
-    let control_steps = f64::from(online.world.action_repeat);
+    let folder = scratch("loop");
+    // One that was killed under the same number may have left it.
+    forget(&folder);
+    let timed = end_to_end(&folder, options, online, device);
+    forget(&folder);
+    let timed = timed?;
     Ok(OnlineReport {
         task: online.world.task.clone(),
         update_ms: world_ms + behaviour_ms,
@@ -107,9 +113,19 @@ pub fn bench_online(
         acting_ms,
         step_ms,
         updates_per_step,
-        control_steps_per_second: control_steps / learning_ms.max(step_ms) * 1e3,
-        waited_for: if learning_ms >= step_ms { "learner" } else { "actor" },
+        end_to_end: timed,
+        waited_for: if timed.acting_share < 1.0 - timed.waiting_for_actor_share { "learner" } else { "actor" },
     })
+}
+
+/// A folder for what is written while it is timed.
+fn scratch(what: &str) -> PathBuf {
+    std::env::temp_dir().join(format!("vibes-bench-{what}-{}", std::process::id()))
+}
+
+/// What was written is of no use to anyone, and a folder left in the temporary files does no harm.
+fn forget(folder: &Path) {
+    let _ = std::fs::remove_dir_all(folder);
 }
 
 fn behaviour_parts(made: &[BehaviourMeasures]) -> Vec<Part> {
@@ -139,7 +155,8 @@ fn acting(agent: &Agent, pixels: &[u8], sizes: Sizes, repeats: usize) -> Result<
 /// An episode as the actor's thread lives through it, milliseconds a step; the first, which opens the renderer, is not counted.
 fn living(agent: &Agent, online: &OnlineOptions) -> Result<f64> {
     let libraries = [online.world.video_library(VideoSet::Train)?, online.world.video_library(VideoSet::Val)?];
-    let folder = std::env::temp_dir().join(format!("vibes-bench-{}", std::process::id()));
+    let folder = scratch("acting");
+    forget(&folder);
     let manifest = online.world.manifest(0, libraries[0].videos(), &folder)?;
     let writer = Arc::new(RecordingWriter::create_or_resume(&folder, manifest, false)?);
     let lived = std::thread::scope(|scope| {
@@ -153,8 +170,7 @@ fn living(agent: &Agent, online: &OnlineOptions) -> Result<f64> {
         thread.live(task(0))?;
         thread.live(task(1))
     });
-    // What was written is of no use to anyone, and a folder left in the temporary files does no harm.
-    let _ = std::fs::remove_dir_all(&folder);
+    forget(&folder);
     let lived = lived?;
     Ok(lived.seconds * 1e3 / f64::from(lived.steps))
 }

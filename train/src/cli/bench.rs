@@ -136,9 +136,16 @@ fn online(context: &Context, args: &BenchArgs, options: &Options, task: &str) ->
     }
     println!("  {:<32}{:8.2} ms", "acting, networks, a step", report.acting_ms);
     println!("  {:<32}{:8.2} ms", "acting, simulation and drawing", report.step_ms);
+    let timed = &report.end_to_end;
     println!(
-        "  {:.0} control steps a second at {:.1} updates an agent step with a core for each thread; the {} is waited for",
-        report.control_steps_per_second, report.updates_per_step, report.waited_for
+        "  end to end {:.1} control steps a second at {:.1} updates an agent step, over {} rounds",
+        timed.control_steps_per_second, report.updates_per_step, timed.rounds
+    );
+    println!(
+        "  the {} is waited for: the learner waits {:.0} % of a round, the actor is at work {:.0} % of it",
+        report.waited_for,
+        100.0 * timed.waiting_for_actor_share,
+        100.0 * timed.acting_share
     );
     Ok(())
 }

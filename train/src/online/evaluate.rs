@@ -30,7 +30,7 @@ pub struct Counters {
     pub agent_steps: u64,
     /// Episodes admitted.
     pub episodes: u32,
-    /// Control steps of the recordings that the run began with, which it did not live through itself; views of an episode count once. None where there were no recordings.
+    /// Control steps of the recordings that the run began with, which it did not live through itself; views of an episode count once. None where there were no recordings, or they are gone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub given_control_steps: Option<u64>,
 }

@@ -4,6 +4,7 @@
 //! ```text
 //! model_free.json           system, size, seed, options, world
 //! replay/                   what was lived through, one episode a file
+//! evaluating.json           the returns of an evaluation that is not over, or not saved
 //! metrics.jsonl             a line an episode
 //! evaluations.jsonl
 //! checkpoints/000500/       the learner's files, and state.json with the counters
@@ -133,6 +134,8 @@ pub(super) fn model_free_living(
     let resumed = folder.resume(device)?;
     let mut state = resumed.as_ref().map_or_else(State::default, |(_, state)| *state);
     if state.is_finished && state.control_steps >= options.online.control_steps {
+        // A kill between the last checkpoint and this would have left it.
+        unfinished::forget(folder.path())?;
         return Ok(End::Nothing);
     }
     let was_finished = std::mem::replace(&mut state.is_finished, false);

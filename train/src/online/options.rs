@@ -184,17 +184,25 @@ impl OnlineOptions {
             let (short, horizon) = (self.short_horizon, self.behaviour.horizon);
             return wrong(format!("--short-horizon is {short}; it must be below the horizon of {horizon}"));
         }
-        if self.short_horizon > 0 && self.short_for <= self.critic_first {
-            let (updates, critic) = (self.short_for, self.critic_first);
-            return wrong(format!(
-                "--short-for is {updates}, and the actor moves after {critic} updates (--critic-first); it must be above that, or leave out --short-horizon"
-            ));
-        }
         self.world.check_videos()?;
         match self.protocol {
             Some(protocol) => self.is_under(protocol),
             None => Ok(()),
         }
+    }
+
+    /// That the actor of a new run sees the short first horizon, if there is one.
+    ///
+    /// # Errors
+    /// It is over before the actor moves.
+    pub fn check_short(&self) -> Result<()> {
+        if self.short_horizon > 0 && self.short_for <= self.critic_first {
+            let (updates, critic) = (self.short_for, self.critic_first);
+            return Err(TrainError::Options(format!(
+                "--short-for is {updates}, and the actor moves after {critic} updates (--critic-first); it must be above that, or leave out --short-horizon"
+            )));
+        }
+        Ok(())
     }
 
     /// Puts a protocol's settings in.
@@ -306,9 +314,9 @@ mod tests {
             ("world.steps", |options| options.world.steps = 40),
         ];
         let short = OnlineOptions { short_horizon: 5, short_for: 400, critic_first: 500, ..found.clone() };
-        assert!(short.check().unwrap_err().to_string().contains("--short-for is 400"));
+        assert!(short.check_short().unwrap_err().to_string().contains("--short-for is 400"));
         let short = OnlineOptions { critic_first: 300, ..short };
-        short.check().unwrap();
+        short.check_short().unwrap();
         let horizons = [0, 399, 400].map(|updates| short.behaviour_at(updates).horizon);
         assert_eq!(horizons, [5, 5, found.behaviour.horizon]);
         let endless = OnlineOptions { rows_per_step: 1e300, ..found.clone() };
@@ -321,6 +329,23 @@ mod tests {
         let published = OnlineOptions { protocol: Some(Protocol::DcsEasyDynamic500k), ..found.clone() };
         let longer = OnlineOptions { control_steps: 600_000, ..published.clone() };
         assert_eq!(published.first_difference(&longer).map(|(key, ..)| key).as_deref(), Some("control_steps"));
+    }
+
+    /// Whose first four videos are missing, four others would train under the protocol's name.
+    #[test]
+    fn a_protocol_takes_davis_with_the_first_of_both_lists() {
+        let folder = tempfile::tempdir().unwrap();
+        for video in davis::TRAIN[..5].iter().chain(&davis::VAL[..4]) {
+            std::fs::create_dir_all(folder.path().join(video)).unwrap();
+        }
+        let mut options = default_options(default_world("cartpole-swingup").unwrap(), false);
+        options.settle(Protocol::DcsEasyDynamic500k);
+        options.final_episodes = 100;
+        options.world.videos = VideoSource::Folder(folder.path().to_owned());
+        options.check().unwrap();
+        std::fs::remove_dir(folder.path().join("bear")).unwrap();
+        let refused = options.check().unwrap_err().to_string();
+        assert!(refused.contains("videos of DAVIS 2017"), "{refused}");
     }
 
     /// A run and its folder of videos can be moved together, and the path may be typed anew from anywhere.

@@ -157,6 +157,9 @@ pub fn again(path: &Path, model: &Options, options: OnlineOptions) -> Result<Pre
 fn begun(path: &Path, info: RunInfo, options: &OnlineOptions) -> Result<Run> {
     check_whole(path)?;
     options.check_found(path)?;
+    if OnlineOptions::read(path)?.is_none() {
+        options.check_short()?;
+    }
     let run = Run::create_or_open(path, info)?;
     options.keep(run.path())?;
     Ok(run)

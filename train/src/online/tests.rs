@@ -10,6 +10,7 @@ use vibes_env::{Trained, rollout_frames};
 use super::actor::Lived;
 use super::model_free::folder::{FORMAT, Folder, ModelFreeOptions};
 use super::model_free::model_free_living;
+use super::prepare::Prepared;
 use super::*;
 use crate::learners::model_free::AgentOptions;
 use crate::learners::sac::options::{SacOptions, Size};
@@ -264,6 +265,62 @@ fn an_offline_run_is_gone_on_from_with_its_own_sizes_and_action_repeat_alone() {
     let added = added.unwrap();
     let setup = Setup { run: &added.run, options: &added.options, given: &added.given, device: &Device::flex() };
     assert_eq!(online(&setup, &mut |_| Go::On).unwrap(), End::Updates);
+}
+
+/// With recordings in every batch, a share of them that is no whole number of windows, and schedules that count on from the run before.
+#[test]
+fn a_run_that_went_on_from_an_offline_one_can_be_stopped_anywhere_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, offline, undisturbed] = ["first", "offline", "undisturbed"].map(|name| folder.path().join(name));
+    with_a_world_model(&first, actor::as_it_is).unwrap();
+    let replay = [Recording::open(&first.join("replay")).unwrap()];
+    let mut model = tiny();
+    model.settings.updates = 3;
+    let from = crate::prepare::prepare(&offline, &replay, &model, None).unwrap();
+    crate::fit::fit(&from, &replay, &Device::flex(), None, &mut |_| Go::On).unwrap();
+    let asked = OnlineOptions { prefill: 0, given_share: 0.7, rows_per_step: 7.3, evaluate_every: 80, ..options() };
+    let go = |run: &Path, listen: &mut dyn FnMut(Event<'_>) -> Go| {
+        let prepared = prepare::from_run(run, &from, &model, asked.clone()).unwrap();
+        let Prepared { run, options, given } = &prepared;
+        online(&Setup { run, options, given, device: &Device::flex() }, listen).unwrap()
+    };
+    let mut events = 0;
+    let counted = go(&undisturbed, &mut |_| {
+        events += 1;
+        Go::On
+    });
+    assert_eq!(counted, End::Updates);
+    let evaluations = |run: &Path| std::fs::read_to_string(run.join("evaluations.jsonl")).unwrap();
+    // The recording is of 8 episodes of 20 agent steps.
+    assert!(evaluations(&undisturbed).lines().all(|line| line.contains("\"given_control_steps\":320")));
+    for stop_at in [2, events / 3, events / 2, events - 2] {
+        let run = folder.path().join(format!("stopped-{stop_at}"));
+        let mut seen = 0;
+        let end = go(&run, &mut |_| {
+            seen += 1;
+            if seen >= stop_at { Go::Stop } else { Go::On }
+        });
+        assert_eq!(end, End::Stopped, "at {stop_at} of {events}");
+        go(&run, &mut |_| Go::On);
+        assert!(left_behind(&run) == left_behind(&undisturbed), "stopped at {stop_at} of {events}");
+        assert_eq!(evaluations(&run), evaluations(&undisturbed), "stopped at {stop_at} of {events}");
+    }
+}
+
+/// What the gap between the two sets of videos rests on.
+#[test]
+fn an_episode_of_either_set_of_videos_has_the_start_camera_and_colours_of_the_other() {
+    let world = prepare::default_world("cartpole-swingup").unwrap();
+    let world = options::WorldOptions { size: Some(24), steps: 3, ..world };
+    let seen = |set| {
+        let mut eyes = world.eyes(world.video_library(set).unwrap()).unwrap();
+        let mut still = Trained::new("still".to_owned(), None, |_, _, _| Ok(vec![0.0]));
+        let seed = episode_seed(5, EpisodeKind::Evaluation, 1);
+        rollout_frames(&mut eyes, &mut still, world.steps, seed.into()).unwrap().1
+    };
+    let [known, new] = [VideoSet::Train, VideoSet::Val].map(seen);
+    assert_eq!((&known.qpos, &known.cameras, &known.colors), (&new.qpos, &new.cameras, &new.colors));
+    assert!(known.pixels != new.pixels, "the videos are others");
 }
 
 /// A run's own evaluation and a policy that is loaded from its checkpoint are one way of acting.

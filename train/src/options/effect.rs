@@ -1,4 +1,5 @@
-//! Options that have no effect: changed, although nothing of the run looks at them. In: options, and those that they were laid over. Out: which, and why.
+//! Options that have no effect: changed, although nothing of the run looks at them. In: options, and those that they were laid over. Out: which, and why. A value that one of the
+//! presets has passes, since a run's config.toml says every value of the preset that it began with and not its name.
 
 use toml::Table;
 

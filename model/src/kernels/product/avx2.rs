@@ -39,16 +39,16 @@ pub(super) fn tile<const ROW: usize, const STEP: usize>(
         out.len()
     );
     let _ = HasAvx2::checked();
-    for column in (0..PANEL).step_by(COLUMNS) {
-        for row in (0..rows).step_by(ROWS) {
-            let run = match rows - row {
-                1 => fixed::<1, ROW, STEP>,
-                2 => fixed::<2, ROW, STEP>,
-                3 => fixed::<3, ROW, STEP>,
-                4 => fixed::<4, ROW, STEP>,
-                5 => fixed::<5, ROW, STEP>,
-                _ => fixed::<ROWS, ROW, STEP>,
-            };
+    for row in (0..rows).step_by(ROWS) {
+        let run = match rows - row {
+            1 => fixed::<1, ROW, STEP>,
+            2 => fixed::<2, ROW, STEP>,
+            3 => fixed::<3, ROW, STEP>,
+            4 => fixed::<4, ROW, STEP>,
+            5 => fixed::<5, ROW, STEP>,
+            _ => fixed::<ROWS, ROW, STEP>,
+        };
+        for column in (0..PANEL).step_by(COLUMNS) {
             let (left, right) = (left[row * ROW..].as_ptr(), right[column..].as_ptr());
             let out = out[row * PANEL + column..].as_mut_ptr();
             // SAFETY: `left` holds the last element that `shape` reaches from the last of all rows, `right` holds `outer · inner` rows and `out` holds all rows of `PANEL`,
