@@ -319,7 +319,8 @@ impl MetricsFile {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
             Err(error) => return Err(Error::io("read", path)(error)),
         };
-        let kept: String = before.lines().filter_map(|line| kept(line, update)).flat_map(|line| [line, "\n".into()]).collect();
+        let kept: String =
+            before.lines().filter_map(|line| kept(line, update)).flat_map(|line| [line, "\n".into()]).collect();
         write_atomically(path, kept.as_bytes())?;
         let file = OpenOptions::new().append(true).open(path).map_err(Error::io("open", path))?;
         Ok(Self { path: path.to_owned(), file })

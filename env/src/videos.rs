@@ -88,9 +88,12 @@ impl VideoSource {
     /// Whether this is a folder of DAVIS 2017 with the first `count` videos of both official lists.
     pub fn is_davis(&self, count: usize) -> bool {
         let is_whole = |set, official: &[&str]| {
-            self.list(set, Some(count)).is_ok_and(|names| names.iter().zip(official).all(|(name, wanted)| name == wanted))
+            self.list(set, Some(count))
+                .is_ok_and(|names| names.iter().zip(official).all(|(name, wanted)| name == wanted))
         };
-        matches!(self, Self::Folder(_)) && is_whole(VideoSet::Train, &davis::TRAIN) && is_whole(VideoSet::Val, &davis::VAL)
+        matches!(self, Self::Folder(_))
+            && is_whole(VideoSet::Train, &davis::TRAIN)
+            && is_whole(VideoSet::Val, &davis::VAL)
     }
 
     /// The names of the first `count` videos of a set, all of them (for the procedural source as many as DAVIS has) without a count.

@@ -359,8 +359,7 @@ impl Training<'_> {
     }
 
     fn is_evaluation_due(&self) -> bool {
-        let is_due =
-            self.setup.options.evaluate_every > 0 && self.state.control_steps >= self.state.next_evaluation;
+        let is_due = self.setup.options.evaluate_every > 0 && self.state.control_steps >= self.state.next_evaluation;
         !self.state.is_finished && (self.is_last() || is_due)
     }
 
@@ -428,9 +427,12 @@ fn given_control_steps(run: &Run, given: &[Recording]) -> Option<u64> {
     let mut trajectories = BTreeSet::new();
     for recording in &recordings {
         let repeat = recording.manifest().spec.action_repeat;
-        trajectories.extend(recording.episodes().iter().map(|entry| {
-            (entry.seed, entry.policy.clone(), entry.episode_return.to_bits(), entry.steps, repeat)
-        }));
+        trajectories.extend(
+            recording
+                .episodes()
+                .iter()
+                .map(|entry| (entry.seed, entry.policy.clone(), entry.episode_return.to_bits(), entry.steps, repeat)),
+        );
     }
     let steps: u64 = trajectories.iter().map(|(.., steps, repeat)| u64::from(*steps) * u64::from(*repeat)).sum();
     (steps > 0).then_some(steps)

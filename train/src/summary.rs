@@ -82,7 +82,11 @@ fn model_free_summary(name: &str, info: &vibes_data::RunInfo, metrics: &Metrics,
 /// The line that names a protocol, and says whether its last evaluation is among those below.
 fn under(protocol: &str, evaluations: &[Json]) -> String {
     let is_over = evaluations.last().is_some_and(|last| last["is_final"] == true && last["protocol"] == protocol);
-    let state = if is_over { "its last evaluation is the last one below" } else { "not over: none of the returns below is its result" };
+    let state = if is_over {
+        "its last evaluation is the last one below"
+    } else {
+        "not over: none of the returns below is its result"
+    };
     format!("* protocol {protocol}; {state}")
 }
 

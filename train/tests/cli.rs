@@ -144,7 +144,8 @@ fn every_saved_configuration_is_read_again() {
     {
         let run = format!("{preset}-{objective}");
         let config = format!("{run}/config.toml");
-        let begin = ["offline", "coins", "--preset", preset, "--objective", objective, "--updates", "1", "-q", "-o", &run];
+        let begin =
+            ["offline", "coins", "--preset", preset, "--objective", objective, "--updates", "1", "-q", "-o", &run];
         assert_done(&vibes_train(folder.path(), &begin));
         let again = vibes_train(folder.path(), &["offline", "coins", "--config", &config, "-o", &run]);
         assert_done(&again);
@@ -239,7 +240,8 @@ fn evaluate_on_a_grid_while_training_and_after() {
     assert_eq!(lines.lines().count(), 2);
     // What a policy needs can be followed while training.
     for line in lines.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap()) {
-        for name in ["open_loop_reward_r2@10", "open_loop_reward_r2_shuffled@10", "probe/coin[0]/h", "probe/coin[0]/hs"] {
+        for name in ["open_loop_reward_r2@10", "open_loop_reward_r2_shuffled@10", "probe/coin[0]/h", "probe/coin[0]/hs"]
+        {
             assert!(line["numbers"][name]["estimate"].is_f64(), "{name}: {line}");
         }
     }

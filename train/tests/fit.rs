@@ -228,7 +228,8 @@ fn going_on_from_a_run_draws_on() {
     let folder = tempfile::tempdir().unwrap();
     let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false)];
     let shown = |name: &str, updates: u32, from: Option<&Path>| {
-        let run = prepare(&folder.path().join(name), &recordings, &options(&format!("updates = {updates}")), from).unwrap();
+        let run =
+            prepare(&folder.path().join(name), &recordings, &options(&format!("updates = {updates}")), from).unwrap();
         let mut starts = Vec::new();
         let listen = &mut |event: Event<'_>| {
             if let Event::Windows { batch, .. } = event {

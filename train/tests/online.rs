@@ -150,9 +150,11 @@ fn what_cannot_be_is_refused_with_what_would_be_right() {
     let nothing_drawn = refused(&["--task", "reacher-easy", "--no-pixels", "--observations", "pixels"]);
     assert!(nothing_drawn.contains("nothing is drawn"), "{nothing_drawn}");
     let vectors = ["--task", "reacher-easy", "--no-pixels"];
-    for (option, more) in
-        [("difficulty", &["--difficulty", "hard"][..]), ("static", &["--static"]), ("distract", &["--distract", "color"])]
-    {
+    for (option, more) in [
+        ("difficulty", &["--difficulty", "hard"][..]),
+        ("static", &["--static"]),
+        ("distract", &["--distract", "color"]),
+    ] {
         let unseen = refused(&[&vectors[..], more].concat());
         assert!(unseen.contains(&format!("--{option} has no effect where nothing is drawn")), "{unseen}");
     }
@@ -162,7 +164,10 @@ fn what_cannot_be_is_refused_with_what_would_be_right() {
     assert!(refused(&["--task", "reacher-easy", "--entropy=-1"]).contains("0 or more"));
     assert!(refused(&["--task", "reacher-easy", "--every-start", "0"]).contains("above 0"));
     assert!(refused(&["--task", "reacher-easy", "--every-start", "15"]).contains("at most"));
-    assert!(refused(&["--task", "reacher-easy", "--short-horizon", "3", "--short-for", "90"]).contains("must be above that"));
+    assert!(
+        refused(&["--task", "reacher-easy", "--short-horizon", "3", "--short-for", "90"])
+            .contains("must be above that")
+    );
     assert!(refused(&["--task", "reacher-easy", "--guard", "1", "--guard-members", "1"]).contains("two to disagree"));
     assert!(refused(&["--task", "reacher-easy", "--guard-members", "3"]).contains("--guard-members has no effect"));
     assert!(refused(&["--task", "reacher-easy", "--agent", "sac", "--guard", "1"]).contains("--guard has no effect"));

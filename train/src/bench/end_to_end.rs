@@ -34,7 +34,12 @@ pub struct EndToEnd {
 ///
 /// # Errors
 /// The task is unknown, this machine cannot draw, or the folder cannot be written.
-pub(super) fn end_to_end(folder: &Path, options: &Options, settings: &OnlineOptions, device: &Device) -> Result<EndToEnd> {
+pub(super) fn end_to_end(
+    folder: &Path,
+    options: &Options,
+    settings: &OnlineOptions,
+    device: &Device,
+) -> Result<EndToEnd> {
     // The first round has nothing to learn yet, since the episode before it pays for no updates.
     let episodes = 1 + 1 + ROUNDS;
     let paying = (1.0 / settings.updates_per_step(options.length * options.batch)).ceil() as u32;

@@ -117,9 +117,8 @@ fn evaluated(evaluation: &Evaluation) -> String {
         |interval: Option<[f64; 2]>| interval.map_or(String::new(), |[low, high]| format!(" [{low:.1}, {high:.1}]"));
     let held_out = &evaluation.held_out;
     let training = &evaluation.training_videos;
-    let gap = evaluation.gap.as_ref().map_or(String::new(), |gap| {
-        format!(", gap {:.1}{}", gap.mean, interval(gap.interval))
-    });
+    let gap =
+        evaluation.gap.as_ref().map_or(String::new(), |gap| format!(", gap {:.1}{}", gap.mean, interval(gap.interval)));
     let training = format!(", training videos {:.1}{}{gap}", training.mean_return, interval(training.interval));
     format!(
         "after {} control steps ({} agent steps): mean return on held-out videos {:.1}{} of {} episodes{training}",

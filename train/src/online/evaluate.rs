@@ -15,7 +15,7 @@ use vibes_model::trained::TrainedAgent;
 use super::actor::{ActorThread, EpisodeKind, Task, episode_seed};
 use super::options::OnlineOptions;
 use super::protocol::Protocol;
-use super::unfinished::Unfinished;
+use super::unfinished::{Unfinished, Which};
 use crate::error::{Result, io};
 use crate::fit::Go;
 
@@ -114,7 +114,8 @@ pub fn evaluate(
         true => (EpisodeKind::Final, options.final_episodes.max(1)),
         false => (EpisodeKind::Evaluation, options.evaluation_episodes.max(1)),
     };
-    let mut unfinished = Unfinished::open(run, counters, is_final);
+    let Counters { update, control_steps, .. } = counters;
+    let mut unfinished = Unfinished::open(run, Which { update, control_steps, is_final });
     let mut returns = |videos| {
         for number in unfinished.of(videos).len() as u32..count {
             let player = Some(Player::new(agent.clone(), choice, 0.0));

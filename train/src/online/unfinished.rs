@@ -6,19 +6,27 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use vibes_env::videos::VideoSet;
 
-use super::evaluate::Counters;
 use crate::error::{Result, io};
 use crate::json::write_json;
 
 const FILE: &str = "evaluating.json";
 
+/// Which evaluation of a run.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Which {
+    /// Updates that the agent has learned from.
+    pub(super) update: u64,
+    /// Control steps that were lived through.
+    pub(super) control_steps: u64,
+    /// Whether it is the last one.
+    pub(super) is_final: bool,
+}
+
 /// The returns so far of one evaluation.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Unfinished {
-    /// Updates that the agent has learned from, and the control steps: which evaluation it is.
-    update: u64,
-    control_steps: u64,
-    is_final: bool,
+    #[serde(flatten)]
+    which: Which,
     held_out: Vec<f64>,
     training_videos: Vec<f64>,
     #[serde(skip)]
@@ -27,14 +35,10 @@ pub(super) struct Unfinished {
 
 impl Unfinished {
     /// What is there of this evaluation; nothing of another one.
-    pub(super) fn open(run: &Path, counters: Counters, is_final: bool) -> Self {
+    pub(super) fn open(run: &Path, which: Which) -> Self {
         let file = run.join(FILE);
-        let Counters { update, control_steps, .. } = counters;
         let found = std::fs::read(&file).ok().and_then(|text| serde_json::from_slice::<Self>(&text).ok());
-        let same = found.filter(|found| {
-            (found.update, found.control_steps, found.is_final) == (update, control_steps, is_final)
-        });
-        Self { update, control_steps, is_final, file, ..same.unwrap_or_default() }
+        Self { which, file, ..found.filter(|found| found.which == which).unwrap_or_default() }
     }
 
     /// The returns under the videos of a set.
@@ -71,26 +75,25 @@ mod tests {
     #[test]
     fn what_was_lived_through_is_found_again_for_the_same_evaluation_only() {
         let folder = tempfile::tempdir().unwrap();
-        let counters = Counters { update: 7, control_steps: 100, ..Counters::default() };
-        let mut begun = Unfinished::open(folder.path(), counters, true);
+        let which = Which { update: 7, control_steps: 100, is_final: true };
+        let mut begun = Unfinished::open(folder.path(), which);
         begun.push(VideoSet::Val, 12.5).unwrap();
         begun.push(VideoSet::Val, 0.1 + 0.2).unwrap();
         begun.push(VideoSet::Train, -3.0).unwrap();
-        let found = Unfinished::open(folder.path(), counters, true);
+        let found = Unfinished::open(folder.path(), which);
         assert_eq!((found.of(VideoSet::Val), found.of(VideoSet::Train)), (&[12.5, 0.1 + 0.2][..], &[-3.0][..]));
-        let others = [(Counters { update: 8, ..counters }, true), (counters, false)];
-        for (counters, is_final) in others {
-            assert!(Unfinished::open(folder.path(), counters, is_final).of(VideoSet::Val).is_empty());
+        for other in [Which { update: 8, ..which }, Which { is_final: false, ..which }] {
+            assert!(Unfinished::open(folder.path(), other).of(VideoSet::Val).is_empty());
         }
         forget(folder.path()).unwrap();
         forget(folder.path()).unwrap();
-        assert!(Unfinished::open(folder.path(), counters, true).of(VideoSet::Val).is_empty());
+        assert!(Unfinished::open(folder.path(), which).of(VideoSet::Val).is_empty());
     }
 
     #[test]
     fn a_damaged_file_is_as_none() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join(FILE), b"{\"update\":").unwrap();
-        assert!(Unfinished::open(folder.path(), Counters::default(), false).of(VideoSet::Val).is_empty());
+        assert!(Unfinished::open(folder.path(), Which::default()).of(VideoSet::Val).is_empty());
     }
 }
