@@ -19,6 +19,7 @@ use vibes_train::online::options::OnlineOptions;
 
 use super::Context;
 use super::device::DeviceArgs;
+use super::online_progress::protocol_of;
 
 /// Time between lines.
 const EVERY: Duration = Duration::from_secs(15);
@@ -237,7 +238,7 @@ pub(crate) fn run(context: &Context, folder: &Folder, device: DeviceArgs) -> Res
     if context.json {
         let end = format!("{end:?}").to_lowercase();
         let last = Metrics::read(&folder.places().evaluations_path())?.lines.pop().map(serde_json::Value::Object);
-        let protocol = super::online::protocol_of(last.as_ref());
+        let protocol = protocol_of(last.as_ref());
         println!(
             "{}",
             serde_json::json!({ "run": folder.path(), "end": end, "protocol": protocol, "evaluation": last })

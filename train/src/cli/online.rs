@@ -26,7 +26,7 @@ use super::Context;
 use super::device::DeviceArgs;
 use super::flags::OptionArgs;
 use super::model_free::{self, ModelFreeArgs};
-use super::online_progress::OnlineProgress;
+use super::online_progress::{OnlineProgress, protocol_of};
 
 /// Where to begin.
 #[derive(Debug, Args)]
@@ -194,11 +194,6 @@ pub(crate) fn run(context: &Context, args: &OnlineArgs) -> Result<Ending> {
     progress.finish();
     report(context, run, end)?;
     Ok(if end == End::Stopped { Ending::Again } else { Ending::Done })
-}
-
-/// The protocol that the last evaluation of a run is one of; none of one that was made on the way, or before its control steps were lived through.
-pub(super) fn protocol_of(last: Option<&serde_json::Value>) -> Option<&str> {
-    last.filter(|line| line["is_final"] == true)?["protocol"].as_str()
 }
 
 #[allow(clippy::print_stdout, reason = "the command line says what it did")]

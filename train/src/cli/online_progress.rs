@@ -97,6 +97,11 @@ impl OnlineProgress {
     }
 }
 
+/// The protocol that the last evaluation of a run is one of; none of one that was made on the way, or before its control steps were lived through.
+pub(crate) fn protocol_of(last: Option<&serde_json::Value>) -> Option<&str> {
+    last.filter(|line| line["is_final"] == true)?["protocol"].as_str()
+}
+
 fn summary(line: &Line) -> String {
     let returned = line.training_return.map_or(String::new(), |returned| format!(", return {returned:.1}"));
     let pace = line.control_steps_per_second.map_or(String::new(), |pace| format!(", {pace:.0} control steps/s"));
