@@ -225,7 +225,12 @@ fn ms(begun: Instant) -> f64 {
 
 /// The median of all but the first, which also allocates.
 fn median(times: &[f64]) -> f64 {
-    let mut times = times.get(1..).unwrap_or_default().to_vec();
-    times.sort_by(f64::total_cmp);
-    times.get(times.len() / 2).copied().unwrap_or(f64::NAN)
+    median_of_all(times.get(1..).unwrap_or_default())
+}
+
+/// Of all values, the first too; NaN where there are none.
+fn median_of_all(values: &[f64]) -> f64 {
+    let mut values = values.to_vec();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 use burn::tensor::Device;
 use serde::Serialize;
 
+use super::median_of_all;
 use crate::error::Result;
 use crate::fit::Go;
 use crate::online::options::{OnlineOptions, WorldOptions};
@@ -63,20 +64,13 @@ pub(super) fn end_to_end(
         }
         Go::On
     })?;
-    let of = |part: fn(&Line) -> Option<f64>| median(&lines.iter().filter_map(part).collect::<Vec<_>>());
+    let of = |part: fn(&Line) -> Option<f64>| median_of_all(&lines.iter().filter_map(part).collect::<Vec<_>>());
     Ok(EndToEnd {
         rounds: lines.len(),
         control_steps_per_second: of(|line| line.control_steps_per_second),
         waiting_for_actor_share: of(|line| line.waiting_for_actor_share),
         acting_share: of(|line| line.acting_share),
     })
-}
-
-/// Of all values, the first too; NaN where there are none.
-fn median(values: &[f64]) -> f64 {
-    let mut values = values.to_vec();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 #[cfg(test)]

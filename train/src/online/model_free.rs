@@ -318,7 +318,7 @@ impl Training<'_> {
     }
 
     fn is_evaluation_due(&self) -> bool {
-        let is_due = self.options.online.evaluate_every > 0 && self.state.control_steps >= self.state.next_evaluation;
+        let is_due = self.options.online.is_evaluation_due(self.state.next_evaluation, self.state.control_steps);
         !self.state.is_finished && (self.is_last() || is_due)
     }
 

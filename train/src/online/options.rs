@@ -148,6 +148,11 @@ impl OnlineOptions {
         }
     }
 
+    /// Whether an evaluation on the way is due after so many control steps, of which the next was to come at `next`.
+    pub fn is_evaluation_due(&self, next: u64, control_steps: u64) -> bool {
+        self.evaluate_every > 0 && control_steps >= next
+    }
+
     /// Actor and critic after so many updates of them: with the short first horizon, if there is one and it is not over.
     pub fn behaviour_at(&self, updates: u64) -> BehaviourOptions {
         let is_short = self.short_horizon > 0 && updates < self.short_for;
