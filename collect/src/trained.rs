@@ -122,8 +122,9 @@ fn load(path: &Path, task: &str) -> Result<(Box<dyn Policy>, ActedBy)> {
     if agent.task() != task {
         return Err(refuse(format!("it was trained on {}", agent.task()), &format!("a run of {task}")));
     }
+    let home = home(path);
     let pictures = match agent.observation() {
-        ObservationKind::Pixels { height, .. } => Some(RenderSettings { size: height, look: home(path).look }),
+        ObservationKind::Pixels { height, .. } => Some(RenderSettings { size: height, look: home.look }),
         ObservationKind::Vector { .. } => None,
     };
     let weights = std::fs::read(&file).map_err(Error::io("read", &file))?;
@@ -136,7 +137,7 @@ fn load(path: &Path, task: &str) -> Result<(Box<dyn Policy>, ActedBy)> {
     };
     let name = path.display().to_string();
     // As the run evaluates itself: by the mode of its distribution, unless it was asked for samples.
-    let choice = if home(path).evaluates_samples { Choice::Sample } else { Choice::Mode };
+    let choice = if home.evaluates_samples { Choice::Sample } else { Choice::Mode };
     let mut player = Player::new(agent, choice, 0.0);
     let policy = Trained::new(name, pictures, move |sight, is_first, mut rng| {
         player.act(is_first, sight.pixels, sight.observation, &mut rng).map_err(Into::into)

@@ -143,12 +143,8 @@ impl RunFolder {
     /// [`Error::NoRun`], or [`Error::Malformed`] for a damaged file or one of another format.
     pub fn info<O: DeserializeOwned, M: DeserializeOwned>(&self) -> Result<RunInfo<O, M>> {
         let file = self.info_path();
-        let text = match std::fs::read_to_string(&file) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                return Err(Error::NoRun { path: self.path.clone() });
-            }
-            Err(error) => return Err(Error::io("read", &file)(error)),
+        let Some(text) = text_if_there(&file)? else {
+            return Err(Error::NoRun { path: self.path.clone() });
         };
         let expected = "a run.json as vibes-train writes it";
         let malformed = |error: serde_json::Error| Error::malformed(&file, error.to_string(), expected);
@@ -169,11 +165,7 @@ impl RunFolder {
     /// As [`RunFolder::info`].
     pub fn open_info(&self) -> Result<RunInfo> {
         let file = self.model_free_path();
-        let text = match std::fs::read_to_string(&file) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return self.info(),
-            Err(error) => return Err(Error::io("read", &file)(error)),
-        };
+        let Some(text) = text_if_there(&file)? else { return self.info() };
         let expected = "a model_free.json as vibes-train writes it";
         let options: Map<String, Value> =
             serde_json::from_str(&text).map_err(|error| Error::malformed(&file, error.to_string(), expected))?;
@@ -251,11 +243,7 @@ impl Metrics {
     /// # Errors
     /// [`Error::Io`].
     pub fn read(path: &Path) -> Result<Self> {
-        match std::fs::read_to_string(path) {
-            Ok(text) => Ok(Self::parse(&text)),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Self::default()),
-            Err(error) => Err(Error::io("read", path)(error)),
-        }
+        Ok(Self::parse(&text_if_there(path)?.unwrap_or_default()))
     }
 
     fn parse(text: &str) -> Self {
@@ -314,11 +302,7 @@ impl MetricsFile {
     /// # Errors
     /// [`Error::Io`].
     pub fn open(path: &Path, update: u64) -> Result<Self> {
-        let before = match std::fs::read_to_string(path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
-            Err(error) => return Err(Error::io("read", path)(error)),
-        };
+        let before = text_if_there(path)?.unwrap_or_default();
         let kept: String =
             before.lines().filter_map(|line| kept(line, update)).flat_map(|line| [line, "\n".into()]).collect();
         write_atomically(path, kept.as_bytes())?;
@@ -334,6 +318,15 @@ impl MetricsFile {
         let text = serde_json::to_string(line)
             .map_err(|error| Error::malformed(&self.path, error.to_string(), "numbers that JSON can hold"))?;
         writeln!(self.file, "{text}").map_err(Error::io("write", &self.path))
+    }
+}
+
+/// The text of a file; nothing where there is no such file.
+fn text_if_there(path: &Path) -> Result<Option<String>> {
+    match std::fs::read_to_string(path) {
+        Ok(text) => Ok(Some(text)),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(Error::io("read", path)(error)),
     }
 }
 

@@ -58,11 +58,20 @@ impl WindowSampler {
         for entry in recording.episodes().iter().filter(|entry| entry.steps as usize >= length) {
             sampler.admit(recording.episode(entry.index)?)?;
         }
-        if sampler.episodes.is_empty() {
-            let longest = recording.episodes().iter().map(|entry| entry.steps as usize).max().unwrap_or(0);
+        Self::check_length(recording, length)?;
+        Ok(sampler)
+    }
+
+    /// That some episode of a recording has a window of `length` rows, by its manifest alone.
+    ///
+    /// # Errors
+    /// [`Error::WindowTooLong`].
+    pub fn check_length(recording: &Recording, length: usize) -> Result<()> {
+        let longest = recording.episodes().iter().map(|entry| entry.steps as usize).max().unwrap_or(0);
+        if longest < length.max(1) {
             return Err(Error::WindowTooLong { length, longest, path: recording.path().into() });
         }
-        Ok(sampler)
+        Ok(())
     }
 
     /// A sampler of a recording that is still to grow: there are no windows before an episode is [admitted](Self::admit).

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use vibes_data::{RUN_FORMAT, Recording, Spec, relative_place};
+use vibes_data::{RUN_FORMAT, Recording, Spec, WindowSampler, relative_place};
 use vibes_model::{ModelConfig, ObservationKind};
 
 use crate::error::{Result, TrainError};
@@ -13,7 +13,7 @@ use crate::settings::Observations;
 /// Opens or begins the run at `path` for these recordings and options; a new one goes on from the newest checkpoint of the run `from`, if one is named.
 ///
 /// # Errors
-/// The recordings differ in what they hold, or lack the observations asked for, or the folder holds another run, or `from` another model.
+/// The recordings differ in what they hold, or lack the observations asked for, or have no window of the length asked for, or the folder holds another run, or `from` another model.
 pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: Option<&Path>) -> Result<Run> {
     let Some(first) = recordings.first() else {
         return Err(TrainError::Options("no recording was named; name at least one".to_owned()));
@@ -32,6 +32,8 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
             return Err(TrainError::OtherRecording { found, wanted, path: other.path().to_owned() });
         }
     }
+    // Before anything is written: the same command with another length would find a run of this one.
+    recordings.iter().try_for_each(|recording| WindowSampler::check_length(recording, options.settings.length))?;
     let options = &settled(options, from);
     let model = options.model(spec, observation, rewards_std(recordings)?);
     let model = match known_scale(path, from) {

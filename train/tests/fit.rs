@@ -152,11 +152,12 @@ fn a_loss_that_is_no_number_stops_and_keeps_the_last_checkpoint() {
 }
 
 #[test]
-fn windows_longer_than_every_episode_are_refused() {
+fn windows_longer_than_every_episode_are_refused_before_anything_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 5, false)];
     let error = train(&folder.path().join("run"), &recordings, &options("length = 8")).unwrap_err().to_string();
     assert!(error.contains("longest has 5"), "{error}");
+    assert!(!folder.path().join("run").exists(), "the same command with a length that can be would find another run");
 }
 
 #[test]

@@ -12,12 +12,10 @@ use serde_json::Value as Json;
 use vibes_data::{Recording, verify_recording};
 
 /// Episodes of 40 agent steps (80 control steps), 21 updates and a quarter an episode, three random episodes, a checkpoint every 40 updates.
-const QUICK: [&str; 20] = [
+const QUICK: [&str; 18] = [
     "--task",
     "known-slide",
     "--no-pixels",
-    "--distract",
-    "none",
     "--preset",
     "tiny",
     "--steps",
@@ -81,6 +79,9 @@ fn a_run_counts_in_both_units_and_leaves_a_sound_recording() {
         assert!((share - value / bound).abs() < 1e-9, "{line}");
         assert_eq!(line["control_steps_per_second"].is_f64(), line["training_return"].is_f64(), "{line}");
     }
+    let options: Json = serde_json::from_slice(&std::fs::read(folder.join("online.json")).unwrap()).unwrap();
+    let axes = &options["world"]["distractors"]["axes"];
+    assert!(axes.as_object().unwrap().values().all(|is_there| is_there == false), "nothing is drawn, nothing distracts: {axes}");
     let replay = Recording::open(&folder.join("replay")).unwrap();
     assert_eq!(replay.episodes().len(), 12);
     assert!(replay.episodes()[..3].iter().all(|entry| entry.policy == "random"));

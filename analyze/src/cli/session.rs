@@ -164,10 +164,13 @@ impl Session {
         );
         let out = table.output.clone().unwrap_or_else(|| path.parent().unwrap_or(Path::new("")).join("figures"));
         let options = relative_paths(options, &out);
+        let place = |path: &PathBuf| relative_place(path, &out);
         let about = json!({
             "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": verb, "options": options, "seed": table.seed,
-            "latents": relative_place(&path, &out), "rows": latents.len(), "where": table.rows, "dims": latents.dims,
+            "latents": place(&path), "rows": latents.len(), "where": table.rows, "dims": latents.dims,
             "checkpoint": latents.source.checkpoint, "note": table.note,
+            // What was named beside the latents: the same numbers need the same tables and the same recording again.
+            "join": table.join.iter().map(place).collect::<Vec<_>>(), "recording": input.recording.as_ref().map(place), "no_frames": input.no_frames,
         });
         let outcome = Outcome { remarks, ..Outcome::default() };
         let session = Self { latents, path, out, seed: table.seed, outcome, columns, input: input.clone(), about };

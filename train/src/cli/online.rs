@@ -162,10 +162,10 @@ fn world_of(run: &Run) -> Result<WorldOptions> {
         let videos: Option<VideoSource> = serde_json::from_value(recorded("videos")).ok();
         world.videos = videos.map_or(world.videos, |videos| videos.found(first.path()));
     }
-    world.size = match model.observation {
-        vibes_model::ObservationKind::Pixels { height, .. } => Some(height as u32),
-        vibes_model::ObservationKind::Vector { .. } => None,
-    };
+    match model.observation {
+        vibes_model::ObservationKind::Pixels { height, .. } => world.size = Some(height as u32),
+        vibes_model::ObservationKind::Vector { .. } => world.draw_nothing(),
+    }
     Ok(world)
 }
 

@@ -224,16 +224,22 @@ fn an_episode_without_a_window_is_refused_before_anything_is_begun() {
     assert!(error.contains("--steps is 2"), "{error}");
 }
 
+/// An offline run of three updates at `offline`, on the replay of an online run at `first`.
+fn offline_run(first: &Path, offline: &Path) -> (Run, [Recording; 1], Options) {
+    with_a_world_model(first, actor::as_it_is).unwrap();
+    let replay = [Recording::open(&first.join("replay")).unwrap()];
+    let mut model = tiny();
+    model.settings.updates = 3;
+    let run = crate::prepare::prepare(offline, &replay, &model, None).unwrap();
+    crate::fit::fit(&run, &replay, &Device::flex(), None, &mut |_| Go::On).unwrap();
+    (run, replay, model)
+}
+
 #[test]
 fn an_offline_run_is_gone_on_from_with_its_own_sizes_and_action_repeat_alone() {
     let folder = tempfile::tempdir().unwrap();
     let [first, offline] = ["first", "offline"].map(|name| folder.path().join(name));
-    with_a_world_model(&first, actor::as_it_is).unwrap();
-    let replay = [Recording::open(&first.join("replay")).unwrap()];
-    let mut model = tiny();
-    model.settings.updates = 3;
-    let run = crate::prepare::prepare(&offline, &replay, &model, None).unwrap();
-    crate::fit::fit(&run, &replay, &Device::flex(), None, &mut |_| Go::On).unwrap();
+    let (run, replay, model) = offline_run(&first, &offline);
     let from = |name: &str, change: &dyn Fn(&mut Options, &mut OnlineOptions)| {
         let (mut model, mut online) = (model.clone(), options());
         change(&mut model, &mut online);
@@ -272,12 +278,7 @@ fn an_offline_run_is_gone_on_from_with_its_own_sizes_and_action_repeat_alone() {
 fn a_run_that_went_on_from_an_offline_one_can_be_stopped_anywhere_too() {
     let folder = tempfile::tempdir().unwrap();
     let [first, offline, undisturbed] = ["first", "offline", "undisturbed"].map(|name| folder.path().join(name));
-    with_a_world_model(&first, actor::as_it_is).unwrap();
-    let replay = [Recording::open(&first.join("replay")).unwrap()];
-    let mut model = tiny();
-    model.settings.updates = 3;
-    let from = crate::prepare::prepare(&offline, &replay, &model, None).unwrap();
-    crate::fit::fit(&from, &replay, &Device::flex(), None, &mut |_| Go::On).unwrap();
+    let (from, _, model) = offline_run(&first, &offline);
     let asked = OnlineOptions { prefill: 0, given_share: 0.7, rows_per_step: 7.3, evaluate_every: 80, ..options() };
     let go = |run: &Path, listen: &mut dyn FnMut(Event<'_>) -> Go| {
         let prepared = prepare::from_run(run, &from, &model, asked.clone()).unwrap();

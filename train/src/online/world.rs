@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use vibes_data::{Manifest, Spec, Video, relative_place};
+use vibes_env::distractors::Axes;
 use vibes_env::render::RenderSettings;
 use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 use vibes_env::{Environment, EnvironmentOptions, Eyes, Heading};
@@ -19,6 +20,12 @@ impl WorldOptions {
     pub fn environment(&self) -> Result<Environment> {
         let options = EnvironmentOptions { action_repeat: Some(self.action_repeat), raw_torques: false };
         Ok(Environment::new(&self.task, options)?)
+    }
+
+    /// Leaves out pictures, and with them distractors, which nobody would see.
+    pub fn draw_nothing(&mut self) {
+        self.size = None;
+        self.distractors.axes = Axes::NONE;
     }
 
     /// Size and look of the pictures; none for vector observations.

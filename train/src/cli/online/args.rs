@@ -174,13 +174,15 @@ impl WorkArgs {
 impl WorldArgs {
     pub(super) fn lay_over(&self, options: &mut OnlineOptions) {
         let world = &mut options.world;
+        if self.no_pixels {
+            world.draw_nothing();
+        }
         put(&mut world.distractors.axes, self.distract);
         put(&mut world.distractors.difficulty, self.difficulty);
         put(&mut world.distractors.dynamic, self.r#static.then_some(false));
         put(&mut world.videos, self.videos.clone().map(VideoSource::Folder));
         put(&mut world.video_count, self.video_count.map(Some));
         put(&mut world.size, self.size.map(Some));
-        put(&mut world.size, self.no_pixels.then_some(None));
         put(&mut world.look, self.render);
         if let Some(repeat) = self.action_repeat {
             world.action_repeat = repeat;
