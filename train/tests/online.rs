@@ -81,7 +81,10 @@ fn a_run_counts_in_both_units_and_leaves_a_sound_recording() {
     }
     let options: Json = serde_json::from_slice(&std::fs::read(folder.join("online.json")).unwrap()).unwrap();
     let axes = &options["world"]["distractors"]["axes"];
-    assert!(axes.as_object().unwrap().values().all(|is_there| is_there == false), "nothing is drawn, nothing distracts: {axes}");
+    assert!(
+        axes.as_object().unwrap().values().all(|is_there| is_there == false),
+        "nothing is drawn, nothing distracts: {axes}"
+    );
     let replay = Recording::open(&folder.join("replay")).unwrap();
     assert_eq!(replay.episodes().len(), 12);
     assert!(replay.episodes()[..3].iter().all(|entry| entry.policy == "random"));
