@@ -279,6 +279,17 @@ fn evaluate_on_a_grid_while_training_and_after() {
     assert_done(&output);
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(text.contains("do not name them") && text.contains(": coin[0], coin[1]\n"), "{text}");
+    // Other recordings do, where they are named.
+    synthetic::recording(&folder.path().join("others"), synthetic::SIDE, 3, 40, false);
+    let others = ["evaluate", "run", "grid", "--fit-on", "others", "--gap-updates", "3", "--json"];
+    let output = vibes_train(folder.path(), &others);
+    assert_done(&output);
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&found["report"]["fitted_on"], &found["gap_updates"]), (&3.into(), &3.into()));
+    assert_eq!(
+        (&found["fit_on"], &found["report"]["left_out"]),
+        (&serde_json::json!(["../others"]), &serde_json::json!([]))
+    );
     // A recording that is no grid cannot be evaluated on.
     let output = vibes_train(folder.path(), &["evaluate", "run", "coins"]);
     assert_eq!(output.status.code(), Some(1));
@@ -302,9 +313,11 @@ fn what_cannot_be_evaluated_is_said_before_anything_is_computed() {
     // Without its recordings a run has no gaps, which is an error only for those who ask for them.
     std::fs::remove_dir_all(folder.path().join("coins")).unwrap();
     fails(&["evaluate", "run", "grid", "--gap-updates", "3"], "the gaps need the run's recordings");
+    fails(&["evaluate", "run", "grid", "--fit-on", "coins"], "coins");
     let output = vibes_train(folder.path(), &["evaluate", "run", "grid"]);
     assert_done(&output);
-    assert!(String::from_utf8_lossy(&output.stdout).contains("without the gaps"));
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(text.contains("without the gaps") && text.contains("two trajectories of 32 steps"), "{text}");
     let text = std::fs::read_to_string(folder.path().join("run/evaluation.json")).unwrap();
     let found: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert!(found["gaps"].is_null() && found["gap_updates"] == 0 && found["report"]["fitted_on"].is_null());

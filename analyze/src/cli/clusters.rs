@@ -6,7 +6,7 @@ use serde_json::json;
 use vibes_command::Given;
 use vibes_data::{About, Readable};
 
-use super::maps::{MadeMap, MapOptions, coloring, file_stem};
+use super::maps::{MadeMap, MapOptions, coloring, file_stem, thousands};
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Coloring, Figure, Map};
@@ -90,7 +90,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let summaries = cluster_table(&session.table()?, &labels, &quantities)?;
     let made = MapOptions::default().map(&mut session, globals)?;
     let map = Map {
-        heading: session.heading(format!("Groups of {} latents", session.latents.len())),
+        heading: session.heading(format!("Groups of {} latents", thousands(session.latents.len()))),
         axes: "UMAP".into(),
         points: made.points(),
         backdrop: Vec::new(),

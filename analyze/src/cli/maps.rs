@@ -283,3 +283,10 @@ fn checksum(l: &Latents) -> String {
     parts.extend([l.dims.to_string(), of_keys(&l.episode), of_keys(&l.step)]);
     vibes_data::sha256_hex(parts.concat().as_bytes())
 }
+
+/// `16,064`.
+pub(super) fn thousands(n: usize) -> String {
+    let digits = n.to_string();
+    let groups: Vec<&str> = digits.as_bytes().rchunks(3).rev().filter_map(|g| std::str::from_utf8(g).ok()).collect();
+    groups.join(",")
+}

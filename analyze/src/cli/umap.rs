@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::maps::{MapOptions, coloring, file_stem};
+use super::maps::{MapOptions, coloring, file_stem, thousands};
 use super::session::{Session, TableInput};
 use super::{Globals, Outcome};
 use crate::figures::{Coloring, Figure, Map};
@@ -83,11 +83,4 @@ fn colorings(session: &Session) -> anyhow::Result<Vec<(String, Coloring, String)
         all.push((file_stem(&column.0), coloring(column, l.len())?, column.0.clone()));
     }
     Ok(all)
-}
-
-/// `16,064`.
-fn thousands(n: usize) -> String {
-    let digits = n.to_string();
-    let groups: Vec<&str> = digits.as_bytes().rchunks(3).rev().filter_map(|g| std::str::from_utf8(g).ok()).collect();
-    groups.join(",")
 }

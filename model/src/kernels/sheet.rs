@@ -16,11 +16,6 @@ pub(super) fn panels(width: usize) -> usize {
     width.div_ceil(PANEL)
 }
 
-/// Panels of columns in parts.
-pub(super) fn panels_of(parts: &[usize]) -> usize {
-    parts.iter().map(|&part| panels(part)).sum()
-}
-
 /// A matrix `[rows, columns]` in panels: `[panels][rows, PANEL]`.
 #[derive(Debug)]
 pub(super) struct Sheet {
@@ -75,9 +70,9 @@ impl Sheet {
         &mut self.data[start..start + count * PANEL]
     }
 
-    /// As the left side of a product: `count` panels from `first` on, rows from `at` on.
-    fn left(&self, first: usize, count: usize, at: usize) -> Left<'_, PANEL, 1> {
-        Left { data: &self.data[self.start(first, at)..], outer: count, outer_step: self.rows * PANEL, inner: PANEL }
+    /// As the left side of a product: `k` columns from panel `first` on, rows from `at` on.
+    fn left(&self, first: usize, k: usize, at: usize) -> Left<'_, PANEL, 1> {
+        Left::panels(&self.data[self.start(first, at)..], self.rows, k)
     }
 
     /// Puts row-major numbers `[count, width]` into whole panels from `first` on; `source` gives the row's numbers.
@@ -118,8 +113,10 @@ pub(super) enum Activation {
 /// A layer `y = x W + b` with its weights as both passes read them.
 #[derive(Debug)]
 pub(super) struct Dense {
-    ins: Vec<usize>,
-    outs: Vec<usize>,
+    ins: Vec<Piece>,
+    outs: Vec<Piece>,
+    /// Number of outputs.
+    width: usize,
     /// `[output panels][padded inputs, PANEL]`
     forward: Buffer,
     /// `[input panels][padded outputs, PANEL]`
@@ -139,8 +136,13 @@ struct Piece {
     len: usize,
 }
 
+/// Columns up to the last one in panels of parts, those included that fill a part's last panel.
+fn reach(pieces: &[Piece]) -> usize {
+    pieces.last().map_or(0, |piece| piece.panel * PANEL + piece.len)
+}
+
 fn pieces(parts: &[usize]) -> Vec<Piece> {
-    let mut pieces = Vec::with_capacity(panels_of(parts));
+    let mut pieces = Vec::new();
     let mut column = 0;
     for &part in parts {
         for start in (0..part).step_by(PANEL) {
@@ -180,11 +182,11 @@ impl Dense {
         for output in &columns {
             padded[output.panel * PANEL..][..output.len].copy_from_slice(&bias[output.column..][..output.len]);
         }
-        Self { ins: ins.to_vec(), outs: outs.to_vec(), forward, backward, bias: padded }
+        Self { ins: rows, outs: columns, width, forward, backward, bias: padded }
     }
 
     pub(super) fn out_panels(&self) -> usize {
-        panels_of(&self.outs)
+        self.outs.len()
     }
 
     /// `out` rows `at..at + count` from those of `x`, whose panels begin at `first`.
@@ -196,11 +198,11 @@ impl Dense {
         activation: Activation,
         instructions: Instructions,
     ) {
-        let inner = panels_of(&self.ins);
-        for (panel, weights) in self.forward.chunks_exact(inner * PANEL * PANEL).enumerate() {
-            let place = out.part_mut(panel, out_at, count);
-            x.left(first, inner, x_at).times(weights, count, place, false, instructions);
-            let bias = &self.bias[panel * PANEL..(panel + 1) * PANEL];
+        let x = x.left(first, reach(&self.ins), x_at);
+        for (output, weights) in self.outs.iter().zip(self.forward.chunks_exact(self.ins.len() * PANEL * PANEL)) {
+            let place = out.part_mut(output.panel, out_at, count);
+            x.times_columns(output.len, weights, count, place, false, instructions);
+            let bias = &self.bias[output.panel * PANEL..][..PANEL];
             instructions.run(
                 #[inline(always)]
                 || finish(place, bias, activation),
@@ -217,10 +219,10 @@ impl Dense {
         add: bool,
         instructions: Instructions,
     ) {
-        let inner = self.out_panels();
-        for (panel, weights) in self.backward.chunks_exact(inner * PANEL * PANEL).enumerate() {
-            let place = into.part_mut(first + panel, into_at, count);
-            gradient.left(0, inner, at).times(weights, count, place, add, instructions);
+        let gradient = gradient.left(0, reach(&self.outs), at);
+        for (input, weights) in self.ins.iter().zip(self.backward.chunks_exact(self.outs.len() * PANEL * PANEL)) {
+            let place = into.part_mut(first + input.panel, into_at, count);
+            gradient.times_columns(input.len, weights, count, place, add, instructions);
         }
     }
 
@@ -233,21 +235,20 @@ impl Dense {
         (weight, bias): (&mut [f32], &mut [f32]),
         instructions: Instructions,
     ) {
-        let width = self.outs.iter().sum::<usize>();
-        let columns = pieces(&self.outs);
+        let (width, columns) = (self.width, &self.outs);
         let mut square = [0.0_f32; PANEL * PANEL];
-        for input in pieces(&self.ins) {
-            let x = x.part(first + input.panel, 0, count);
-            for output in &columns {
+        for input in &self.ins {
+            let x = Left::turned(x.part(first + input.panel, 0, count), count);
+            for output in columns {
                 let right = gradient.part(output.panel, 0, count);
-                Left::turned(x, count).times(right, PANEL, &mut square, false, instructions);
+                x.times_columns(output.len, right, input.len, &mut square, false, instructions);
                 for (row, numbers) in square.chunks_exact(PANEL).enumerate().take(input.len) {
                     let weight = &mut weight[(input.column + row) * width + output.column..][..output.len];
                     weight.iter_mut().zip(numbers).for_each(|(sum, number)| *sum += number);
                 }
             }
         }
-        for output in &columns {
+        for output in columns {
             let bias = &mut bias[output.column..][..output.len];
             for numbers in gradient.part(output.panel, 0, count).chunks_exact(PANEL) {
                 bias.iter_mut().zip(numbers).for_each(|(sum, number)| *sum += number);
@@ -257,12 +258,12 @@ impl Dense {
 
     /// All rows of `x`, panels of the outputs shared among the cores.
     pub(super) fn forward_everywhere(&self, x: &Sheet, instructions: Instructions) -> Sheet {
-        let (count, inner) = (x.rows, panels_of(&self.ins));
+        let (count, x) = (x.rows, x.left(0, reach(&self.ins), 0));
         let mut out = Sheet::stale(self.out_panels(), count);
-        let weights = self.forward.par_chunks_exact(inner * PANEL * PANEL);
-        let biases = self.bias.par_chunks_exact(PANEL);
-        out.data.par_chunks_exact_mut(count * PANEL).zip(weights).zip(biases).for_each(|((place, weights), bias)| {
-            x.left(0, inner, 0).times(weights, count, place, false, instructions);
+        let weights = self.forward.par_chunks_exact(self.ins.len() * PANEL * PANEL);
+        let layer = self.outs.par_iter().zip(weights).zip(self.bias.par_chunks_exact(PANEL));
+        out.data.par_chunks_exact_mut(count * PANEL).zip(layer).for_each(|(place, ((output, weights), bias))| {
+            x.times_columns(output.len, weights, count, place, false, instructions);
             instructions.run(
                 #[inline(always)]
                 || finish(place, bias, Activation::None),
@@ -273,11 +274,12 @@ impl Dense {
 
     /// The gradient of all rows of the inputs, its panels shared among the cores.
     pub(super) fn backward_everywhere(&self, gradient: &Sheet, instructions: Instructions) -> Sheet {
-        let (count, inner) = (gradient.rows, self.out_panels());
-        let mut into = Sheet::stale(panels_of(&self.ins), count);
-        let weights = self.backward.par_chunks_exact(inner * PANEL * PANEL);
-        into.data.par_chunks_exact_mut(count * PANEL).zip(weights).for_each(|(place, weights)| {
-            gradient.left(0, inner, 0).times(weights, count, place, false, instructions);
+        let (count, gradient) = (gradient.rows, gradient.left(0, reach(&self.outs), 0));
+        let mut into = Sheet::stale(self.ins.len(), count);
+        let weights = self.backward.par_chunks_exact(self.outs.len() * PANEL * PANEL);
+        let layer = self.ins.par_iter().zip(weights);
+        into.data.par_chunks_exact_mut(count * PANEL).zip(layer).for_each(|(place, (input, weights))| {
+            gradient.times_columns(input.len, weights, count, place, false, instructions);
         });
         into
     }
@@ -290,22 +292,22 @@ impl Dense {
         gradient: &Sheet,
         instructions: Instructions,
     ) -> (Vec<f32>, Vec<f32>) {
-        let (count, width) = (x.rows, self.outs.iter().sum::<usize>());
-        let columns = pieces(&self.outs);
-        let mut weight = vec![0.0; self.ins.iter().sum::<usize>() * width];
+        let (count, width, columns) = (x.rows, self.width, &self.outs);
+        let inputs = self.ins.iter().map(|input| input.len).sum::<usize>();
+        let mut weight = vec![0.0; inputs * width];
         weight.par_chunks_mut(PANEL * width).enumerate().for_each(|(panel, weight)| {
             let mut square = [0.0_f32; PANEL * PANEL];
-            let x = x.part(panel, 0, count);
-            for output in &columns {
+            let x = Left::turned(x.part(panel, 0, count), count);
+            for output in columns {
                 let right = gradient.part(output.panel, 0, count);
-                Left::turned(x, count).times(right, PANEL, &mut square, false, instructions);
+                x.times_columns(output.len, right, weight.len() / width, &mut square, false, instructions);
                 for (weight, numbers) in weight.chunks_exact_mut(width).zip(square.chunks_exact(PANEL)) {
                     weight[output.column..][..output.len].copy_from_slice(&numbers[..output.len]);
                 }
             }
         });
         let mut bias = vec![0.0; width];
-        for output in &columns {
+        for output in columns {
             let bias = &mut bias[output.column..][..output.len];
             for numbers in gradient.part(output.panel, 0, count).chunks_exact(PANEL) {
                 bias.iter_mut().zip(numbers).for_each(|(sum, number)| *sum += number);

@@ -12,6 +12,7 @@ use vibes_measure::numbers::{Number, probe_family};
 use vibes_measure::probes::{Fitting, Probe};
 use vibes_model::trained::Trained;
 use vibes_train::TrainError;
+use vibes_train::evaluate::open_loop::LEAST_STEPS;
 use vibes_train::evaluate::{EvaluateOptions, GapOptions, Gaps, GridSize, Likelihoods, Report, evaluate, gaps};
 use vibes_train::trained::TrainedRun;
 
@@ -26,10 +27,13 @@ pub(crate) struct EvaluateArgs {
     run: PathBuf,
     /// A grid recording that was not trained on.
     grid: PathBuf,
-    /// Updates of the fresh critic that measures the gaps to a bisimulation; 0 leaves them out. Needs a world model and the run's recordings.
+    /// Recordings that the probes and the gaps' critic are fitted on [default: those that the run learned from].
+    #[arg(long, value_name = "RECORDING", num_args = 1..)]
+    fit_on: Vec<PathBuf>,
+    /// Updates of the fresh critic that measures the gaps to a bisimulation; 0 leaves them out. Needs a world model, and recordings to fit on.
     #[arg(long, default_value_t = 500, value_name = "N")]
     gap_updates: u64,
-    /// Episodes of the run's recordings that the probes are fitted on, at most; 0, or recordings that are gone: the grid's own trajectories, held out in turn.
+    /// Episodes of those recordings that the probes are fitted on, at most; 0, or recordings that are gone: the grid's own trajectories, held out in turn.
     #[arg(long, default_value_t = PROBE_EPISODES, value_name = "N")]
     probe_episodes: usize,
     /// Where to write the numbers [default: RUN/evaluation.json].
@@ -58,6 +62,15 @@ impl EvaluateArgs {
 }
 
 impl EvaluateArgs {
+    /// What probes and critic are fitted on. Where the run's own recordings are gone there is nothing; a recording that was named has to be there.
+    fn recordings_to_fit(&self, run: &TrainedRun) -> Result<vibes_train::Result<Vec<Recording>>> {
+        if self.fit_on.is_empty() {
+            return Ok(run.open_recordings());
+        }
+        let named: vibes_data::Result<Vec<Recording>> = self.fit_on.iter().map(|path| Recording::open(path)).collect();
+        Ok(Ok(named?))
+    }
+
     /// Updates of the gaps' critic: none without the run's recordings, which is an error where they were asked for.
     fn affordable_gaps(
         &self,
@@ -69,7 +82,9 @@ impl EvaluateArgs {
             return Ok(self.gap_updates);
         };
         if self.given.first_of(["gap_updates"]).is_some() {
-            anyhow::bail!("the gaps need the run's recordings; leave them out with --gap-updates 0: {gone}");
+            anyhow::bail!(
+                "the gaps need the run's recordings; name others with --fit-on, or leave the gaps out with --gap-updates 0: {gone}"
+            );
         }
         if !context.quiet && !context.json {
             println!("without the gaps to a bisimulation, which need the run's recordings: {gone}");
@@ -80,7 +95,7 @@ impl EvaluateArgs {
 
 pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     let run = TrainedRun::open(&args.run)?;
-    let training = run.open_recordings();
+    let training = args.recordings_to_fit(&run)?;
     args.check_given(&run, training.as_ref().is_ok_and(|found| !found.is_empty()))?;
     let grid = Recording::open(&args.grid)?;
     let gap_updates = args.affordable_gaps(context, &run, &training)?;
@@ -107,13 +122,18 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     };
     let run = run.places();
     let place = |path: &Path| relative_place(path, folder);
-    let numbers = serde_json::json!({ "run": place(run.path()), "checkpoint": place(&checkpoint), "grid": place(&args.grid), "gap_updates": if gaps.is_some() { gap_updates } else { 0 }, "report": report, "gaps": gaps });
+    let numbers = serde_json::json!({ "run": place(run.path()), "checkpoint": place(&checkpoint), "grid": place(&args.grid), "fit_on": args.fit_on.iter().map(|path| place(path)).collect::<Vec<_>>(), "gap_updates": if gaps.is_some() { gap_updates } else { 0 }, "report": report, "gaps": gaps });
     let text = serde_json::to_string_pretty(&numbers)? + "\n";
     write_atomically(&output, text.as_bytes()).context("cannot write the evaluation")?;
     if context.json {
         print!("{text}");
     } else if !context.quiet {
         print_report(&report);
+        if matches!(trained, Trained::World(_))
+            && !report.numbers.iter().any(|number| number.name.starts_with("open_loop"))
+        {
+            println!("no rewards ahead (open_loop_reward_r2): they need two trajectories of {LEAST_STEPS} steps");
+        }
         if let Some(gaps) = &gaps {
             print_gaps(gaps);
         }
@@ -139,7 +159,7 @@ fn print_report(report: &Report) {
     if !report.left_out.is_empty() {
         let names = report.left_out.join(", ");
         println!(
-            "not read, since the training recordings do not name them (--probe-episodes 0 fits on the grid itself): {names}"
+            "not read, since the recordings to fit on do not name them (--probe-episodes 0 fits on the grid itself): {names}"
         );
     }
 }
@@ -154,7 +174,7 @@ fn print_probes(report: &Report, fitting: Fitting) {
         return;
     }
     let on = match (fitting, report.fitted_on) {
-        (Fitting::OtherRecordings, Some(episodes)) => format!("fitted on {episodes} training episodes"),
+        (Fitting::OtherRecordings, Some(episodes)) => format!("fitted on {episodes} episodes"),
         _ => "cross-validated over the grid's own trajectories".to_owned(),
     };
     println!("{family}/…: read by linear probes {on} (R²; of classes such as the video accuracy):");

@@ -28,6 +28,8 @@ pub const AHEAD: [usize; 4] = [1, 5, 10, 15];
 const LONGEST: usize = AHEAD[AHEAD.len() - 1];
 /// Rows at the start of an episode that are no starts: the hidden states have not seen enough yet.
 const SKIP: usize = 16;
+/// Steps that an episode needs to be judged.
+pub const LEAST_STEPS: usize = SKIP + LONGEST + 1;
 /// Rows between one start and the next.
 const STRIDE: usize = 3;
 /// Starts run ahead together.

@@ -39,7 +39,7 @@ pub(super) fn forward<const REACH: usize>(
     let line = layer.input[1] * layer.channels;
     for (row, output) in output.chunks_exact_mut(layer.output[1] * FILTERS).enumerate() {
         let data = &input[STRIDE * row * line..];
-        let left = Left::<REACH, 1> { data, outer: 3, outer_step: line, inner: layer.reach() };
+        let left = Left::<REACH, 1>::lines(data, 3, line, layer.reach());
         products(&left, panel, output, instructions);
         instructions.run(
             #[inline(always)]
@@ -61,8 +61,13 @@ fn products<const ROW: usize>(left: &Left<'_, ROW, 1>, right: &[f32], output: &m
     let mut start = 0;
     for piece in 0..pieces {
         let end = positions * (piece + 1) / pieces;
-        let part = Left { data: &left.data[start * ROW..], ..*left };
-        part.times(right, end - start, &mut output[start * FILTERS..end * FILTERS], false, instructions);
+        left.rows_from(start).times(
+            right,
+            end - start,
+            &mut output[start * FILTERS..end * FILTERS],
+            false,
+            instructions,
+        );
         start = end;
     }
 }
@@ -96,7 +101,7 @@ pub(super) fn weights<const REACH: usize>(
         let outer = gradient.len() / (wide * FILTERS);
         for (row, sums) in sums.chunks_exact_mut(layer.reach() * FILTERS).enumerate() {
             let data = &input[(STRIDE * ROWS * index + row) * line..];
-            let left = Left::<1, REACH> { data, outer, outer_step: STRIDE * line, inner: wide };
+            let left = Left::<1, REACH>::lines(data, outer, STRIDE * line, wide);
             left.times(gradient, layer.reach(), sums, true, instructions);
         }
     }

@@ -123,7 +123,7 @@ pub(super) fn convolve(
         with_lanes!(instructions, spread_inputs(input, tiles, band, &mut room.factors[..PRODUCTS * plane]));
         let pairs = room.factors[..PRODUCTS * plane].chunks_exact(plane).zip(weights.chunks_exact(PLANE));
         for ((factors, weights), products) in pairs.zip(room.products.chunks_exact_mut(plane)) {
-            let left = Left::<FILTERS, 1> { data: factors, outer: 1, outer_step: 0, inner: FILTERS };
+            let left = Left::<FILTERS, 1>::lines(factors, 1, 0, FILTERS);
             left.times(weights, plane / FILTERS, products, false, instructions);
         }
         with_lanes!(instructions, gather_outputs(&room.products[..PRODUCTS * plane], tiles, band, finish, output));

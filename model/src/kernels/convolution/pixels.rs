@@ -46,9 +46,9 @@ pub(super) fn forward(layer: &Layer, bytes: &[u8], planes: &Planes, output: &mut
         let image = scaled(layer, bytes, instructions);
         for (row, output) in output.chunks_exact_mut(wide * layer.output_stride()).enumerate() {
             let data = &image[2 * row * line..];
-            let left = Left::<STRIDE, 1> { data, outer: 4, outer_step: line, inner: REACH };
+            let left = Left::<STRIDE, 1>::lines(data, 4, line, REACH);
             for (panel, weights) in planes.weights.chunks_exact(KERNEL * PANEL).enumerate() {
-                left.times(weights, wide, &mut summed, false, instructions);
+                left.times_columns(layer.out_channels - panel * PANEL, weights, wide, &mut summed, false, instructions);
                 with_lanes!(instructions, finish(layer, panel, &summed, &planes.bias, output));
             }
         }
@@ -87,8 +87,8 @@ pub(super) fn backward(
                 with_lanes!(instructions, mask(layer, panel, [output, gradient], &mut open, &mut sums.bias));
                 for (row, weights) in weights.chunks_exact_mut(REACH * PANEL).enumerate() {
                     let data = &image[(2 * ROWS * index + row) * line..];
-                    let left = Left::<1, STRIDE> { data, outer: high, outer_step: 2 * line, inner: wide };
-                    left.times(&open, REACH, weights, true, instructions);
+                    let left = Left::<1, STRIDE>::lines(data, high, 2 * line, wide);
+                    left.times_columns(layer.out_channels - panel * PANEL, &open, REACH, weights, true, instructions);
                 }
             }
         }
@@ -106,15 +106,11 @@ fn mask<V: Lanes>(
     bias: &mut [f32],
 ) {
     let (start, stride) = (panel * PANEL, layer.output_stride());
-    for part in (start..start + PANEL).step_by(LANES) {
+    for part in (start..stride.min(start + PANEL)).step_by(LANES) {
         let mut sum = V::at(proof, bias, part);
         let positions = output.chunks_exact(stride).zip(gradient.chunks_exact(stride));
         for (open, (output, gradient)) in open.chunks_exact_mut(PANEL).zip(positions) {
-            let value = if part < stride {
-                V::at(proof, gradient, part).where_open(V::at(proof, output, part))
-            } else {
-                V::zero(proof)
-            };
+            let value = V::at(proof, gradient, part).where_open(V::at(proof, output, part));
             sum = sum.plus(value);
             value.put(open, part - start);
         }

@@ -8,7 +8,7 @@ use std::arch::x86_64::{
     __m256, _mm256_add_ps, _mm256_fmadd_ps, _mm256_loadu_ps, _mm256_set1_ps, _mm256_setzero_ps, _mm256_storeu_ps,
 };
 
-use super::{PANEL, Shape};
+use super::{HALF, PANEL, Shape, Tile};
 use crate::kernels::instructions::HasAvx2;
 
 /// Rows made at once: 6 rows of two registers leave enough of the sixteen for the right side.
@@ -21,26 +21,11 @@ const COLUMNS: usize = 16;
 /// # Panics
 /// If a slice is too short.
 #[inline]
-pub(super) fn tile<const ROW: usize, const STEP: usize>(
-    shape: Shape,
-    left: &[f32],
-    right: &[f32],
-    rows: usize,
-    out: &mut [f32],
-    add: bool,
-) {
-    // In every build, as the calls below are sound only after it. The processor was asked once; the lengths are three comparisons per tile.
-    let (last, k) = (shape.last::<ROW, STEP>(rows), shape.outer * shape.inner);
-    assert!(
-        rows > 0 && k > 0 && left.len() > last && right.len() >= k * PANEL && out.len() >= rows * PANEL,
-        "a tile of {rows} rows over {k} from slices of {}, {} and {}",
-        left.len(),
-        right.len(),
-        out.len()
-    );
+pub(super) fn tile<const ROW: usize, const STEP: usize>(tile: Tile, left: &[f32], right: &[f32], out: &mut [f32]) {
+    tile.check::<ROW, STEP>(left, right, out);
     let _ = HasAvx2::checked();
-    for row in (0..rows).step_by(ROWS) {
-        let run = match rows - row {
+    for row in (0..tile.rows).step_by(ROWS) {
+        let run = match tile.rows - row {
             1 => fixed::<1, ROW, STEP>,
             2 => fixed::<2, ROW, STEP>,
             3 => fixed::<3, ROW, STEP>,
@@ -48,12 +33,12 @@ pub(super) fn tile<const ROW: usize, const STEP: usize>(
             5 => fixed::<5, ROW, STEP>,
             _ => fixed::<ROWS, ROW, STEP>,
         };
-        for column in (0..PANEL).step_by(COLUMNS) {
+        for column in (0..if tile.half { HALF } else { PANEL }).step_by(COLUMNS) {
             let (left, right) = (left[row * ROW..].as_ptr(), right[column..].as_ptr());
             let out = out[row * PANEL + column..].as_mut_ptr();
-            // SAFETY: `left` holds the last element that `shape` reaches from the last of all rows, `right` holds `outer · inner` rows and `out` holds all rows of `PANEL`,
-            // of which these are `ROWS` at most and the columns from `column` on; the processor has AVX2, as was just checked.
-            unsafe { run(shape, left, right, out, add) }
+            // SAFETY: `left` holds the last element that the shape reaches from the last of all rows, `right` holds as many rows as are summed and `out` holds all rows of
+            // `PANEL`, of which these are `ROWS` at most and the columns from `column` on; the processor has AVX2, as was just checked.
+            unsafe { run(tile.shape, left, right, out, tile.add) }
         }
     }
 }
@@ -71,7 +56,7 @@ unsafe fn fixed<const ROWS: usize, const ROW: usize, const STEP: usize>(
     unsafe {
         for outer in 0..shape.outer {
             let mut left = left.wrapping_add(outer * shape.outer_step);
-            for _ in 0..shape.inner {
+            for _ in 0..shape.of_line(outer) {
                 let (low, high) = (_mm256_loadu_ps(right), _mm256_loadu_ps(right.add(8)));
                 for (r, sums) in sums.iter_mut().enumerate() {
                     let x = _mm256_set1_ps(*left.add(r * ROW));

@@ -47,6 +47,34 @@ fn every_set_of_instructions_makes_the_product_for_every_number_of_rows() {
     }
 }
 
+/// Columns beyond a half are not read, and what is beyond the last column of the left side is not summed.
+#[test]
+fn half_a_panel_and_a_sum_that_ends_within_one() {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    for (rows, k) in [1, 6, 13, 48].into_iter().flat_map(|rows| [1, 7, PANEL + 1, 2 * PANEL].map(|k| (rows, k))) {
+        let (mut left, mut right) =
+            (numbers(rows * k.next_multiple_of(PANEL), &mut rng), numbers(k.next_multiple_of(PANEL) * PANEL, &mut rng));
+        let wanted = plain(&left, &right, rows, k, None);
+        right.chunks_exact_mut(PANEL).for_each(|row| row[HALF..].fill(f32::NAN));
+        right[k * PANEL..].fill(f32::NAN);
+        for place in (k..k.next_multiple_of(PANEL)).flat_map(|at| (0..rows).map(move |row| (at, row))) {
+            left[(place.0 / PANEL) * rows * PANEL + place.1 * PANEL + place.0 % PANEL] = f32::NAN;
+        }
+        for (instructions, columns) in available().flat_map(|set| [1, HALF].map(|columns| (set, columns))) {
+            let mut out = vec![7.0; rows * PANEL];
+            let left = Left::panels(&left, rows, k);
+            left.times_columns(columns, &right, rows, &mut out, false, instructions);
+            for (at, (found, wanted)) in out.iter().zip(&wanted).enumerate() {
+                let wanted = if at % PANEL < HALF { *wanted } else { 0.0 };
+                assert!((f64::from(*found) - wanted).abs() < 1e-4, "{instructions:?}, {rows} rows over {k}");
+            }
+            left.times_columns(columns, &right, rows, &mut out, true, instructions);
+            assert!(out.chunks_exact(PANEL).all(|row| row[HALF..] == [0.0; HALF]), "the other half stays as it is");
+            assert!((f64::from(out[0]) - 2.0 * wanted[0]).abs() < 1e-4, "added: {instructions:?}");
+        }
+    }
+}
+
 /// A kernel that is not compiled for the instructions that it asks for calls a function for every fused sum, and takes a hundred times as long as portable code.
 #[test]
 fn wider_instructions_are_no_slower() {

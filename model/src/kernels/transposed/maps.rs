@@ -36,8 +36,7 @@ impl Sizes {
             for (weight, product) in
                 weight.chunks_exact(self.channels() * PANEL).zip(product.chunks_exact_mut(rows * PANEL))
             {
-                let left = Left { inner: PANEL.min(self.in_channels), ..Left::panels(&input, rows, self.channels()) };
-                left.times(weight, rows, product, false, self.instructions);
+                Left::panels(&input, rows, self.in_channels).times(weight, rows, product, false, self.instructions);
             }
             self.instructions.run(
                 #[inline(always)]

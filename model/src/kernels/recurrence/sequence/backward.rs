@@ -63,12 +63,8 @@ fn unroll_lane(
             #[inline(always)]
             || unstep(sizes, lane, states, &mut found, t),
         );
-        let shares = Left::<PANEL, 1> {
-            data: &found.shares[t * rows * PANEL..],
-            outer: 3 * sizes.panels(),
-            outer_step: sizes.length * rows * PANEL,
-            inner: PANEL,
-        };
+        let shares = &found.shares[t * rows * PANEL..];
+        let shares = Left::<PANEL, 1>::lines(shares, 3 * sizes.panels(), sizes.length * rows * PANEL, PANEL);
         let panels = weights.chunks_exact(3 * sizes.padded() * PANEL).zip(found.initial.chunks_exact_mut(rows * PANEL));
         for (weights, carried) in panels {
             shares.times(weights, rows, carried, true, instructions);

@@ -53,12 +53,8 @@ fn run_lane(
     let mut shares = Buffer::stale(3 * sizes.panels() * rows * PANEL);
     for t in 0..sizes.length {
         enter_step(sizes, inputs, &mut lane, t);
-        let before = Left::<PANEL, 1> {
-            data: &lane.before[t * rows * PANEL..],
-            outer: sizes.panels(),
-            outer_step: sizes.length * rows * PANEL,
-            inner: PANEL,
-        };
+        let before = &lane.before[t * rows * PANEL..];
+        let before = Left::<PANEL, 1>::lines(before, sizes.panels(), sizes.length * rows * PANEL, PANEL);
         for (weights, share) in weights.chunks_exact(sizes.padded() * PANEL).zip(shares.chunks_exact_mut(rows * PANEL))
         {
             before.times(weights, rows, share, false, instructions);
