@@ -36,7 +36,7 @@ pub struct Row {
     pub batch_effective_rank: f64,
     /// Variance of the latents' means in that update, summed over dimensions; at most 1.
     pub latent_variance: f64,
-    /// Updates a second.
+    /// Updates of the world model a second; online, actor and critic learn beside them.
     pub updates_per_second: f64,
     /// Rows that went through the networks a second.
     pub frames_per_second: f64,

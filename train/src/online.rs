@@ -32,13 +32,12 @@ use vibes_model::trained::TrainedAgent;
 
 use crate::error::{Result, TrainError};
 use crate::fit::{End, Go};
-use crate::learners::behaviour::foresight::{Foresight, foresight};
-use crate::learners::behaviour::{BehaviourLearner, Replayed};
+use crate::learners::behaviour::BehaviourLearner;
 use crate::learners::world::Learner;
 use crate::replay::{Replay, ReplayOptions};
 use crate::run::Run;
 use crate::session::{Session, first_learner, out_of_time};
-use crate::windows::{Prefetch, Purpose, update_rng};
+use crate::windows::{Purpose, update_rng};
 
 pub mod actor;
 mod checkpoint;
@@ -49,6 +48,7 @@ pub mod options;
 pub mod prepare;
 pub mod protocol;
 mod unfinished;
+mod updates;
 pub mod world;
 
 use actor::{ActorThread, EpisodeKind, Living, Task, episode_seed};
@@ -324,38 +324,14 @@ impl Training<'_> {
     /// Makes so many updates of world model, actor and critic on what has been admitted.
     fn updates(
         &mut self,
-        (mut learner, mut behaviour): Learners,
+        learners: Learners,
         count: u64,
         listen: &mut dyn FnMut(Event<'_>) -> Go,
     ) -> Result<(Learners, Round, Go)> {
-        let Setup { run, options, device, .. } = *self.setup;
-        let (seed, first) = (run.info().options.seed, self.session.state.drawn());
-        let (mut round, mut go) = (Round::default(), Go::On);
-        let Self { replay, session, state, .. } = self;
-        let replay: &Replay = replay;
-        std::thread::scope(|scope| {
-            let batches = Prefetch::start(scope, replay, seed, first..first + count);
-            for index in 0..count {
-                let number = session.state.update;
-                let (next, rows) = session.update(learner, || batches.next())?;
-                learner = next;
-                let begun = Instant::now();
-                let mut rng = update_rng(seed, number, Purpose::Imagination);
-                let actor_learns = state.updates >= options.critic_first;
-                let recipe = options.behaviour_at(state.updates);
-                let made = behaviour.update(&learner.model.world, &rows, &recipe, actor_learns, &mut rng);
-                let (next, measures) = made.map_err(|error| run.diverged(error, number))?;
-                behaviour = next;
-                round.measures.push(measures);
-                state.updates += 1;
-                if index + 1 == count {
-                    round.foresight = Some(look_ahead(&learner, &rows, run, number, device));
-                }
-                session.state.seconds += begun.elapsed().as_secs_f64();
-                go = go.or(listen(Event::Update));
-            }
-            Ok(((learner, behaviour), round, go))
-        })
+        let counts = (self.state.updates, count);
+        let made = updates::updates(self.setup, &self.replay, &mut self.session, learners, counts, listen)?;
+        self.state.updates += count;
+        Ok(made)
     }
 
     fn is_evaluation_due(&self) -> bool {
@@ -436,12 +412,6 @@ fn given_control_steps(run: &Run, given: &[Recording]) -> Option<u64> {
     }
     let steps: u64 = trajectories.iter().map(|(.., steps, repeat)| u64::from(*steps) * u64::from(*repeat)).sum();
     (steps > 0).then_some(steps)
-}
-
-fn look_ahead(learner: &Learner, rows: &Replayed, run: &Run, update: u64, device: &Device) -> Foresight {
-    let options = &run.info().options;
-    let mut rng = update_rng(options.seed, update, Purpose::Foresight);
-    foresight(&learner.model.world, rows, options.burn_in, &mut rng, &device.clone().inner())
 }
 
 #[cfg(test)]
