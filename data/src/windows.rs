@@ -54,11 +54,11 @@ impl WindowSampler {
     /// # Errors
     /// [`Error::WindowTooLong`] when none is, [`Error::Malformed`] for a damaged episode, or one with an action, a reward or an observation that is no finite number.
     pub fn new(recording: &Recording, length: usize) -> Result<Self> {
+        Self::check_length(recording, length)?;
         let mut sampler = Self::growing(&recording.manifest().spec, length);
         for entry in recording.episodes().iter().filter(|entry| entry.steps as usize >= length) {
             sampler.admit(recording.episode(entry.index)?)?;
         }
-        Self::check_length(recording, length)?;
         Ok(sampler)
     }
 

@@ -310,6 +310,13 @@ fn what_cannot_be_evaluated_is_said_before_anything_is_computed() {
     assert!(!folder.path().join("run/metrics.jsonl").exists(), "no update was made");
     assert_done(&vibes_train(folder.path(), &train));
     fails(&["evaluate", "run", "grid", "-o", "nowhere/numbers.json"], "a folder that is not there");
+    synthetic::recording(&folder.path().join("short"), synthetic::SIDE, 3, 4, false);
+    fails(&["evaluate", "run", "grid", "--fit-on", "short"], "short");
+    fails(
+        &["evaluate", "run", "grid", "--fit-on", "coins", "--probe-episodes", "0", "--gap-updates", "0"],
+        "nothing is fitted",
+    );
+    assert!(!folder.path().join("run/evaluation.json").exists());
     // Without its recordings a run has no gaps, which is an error only for those who ask for them.
     std::fs::remove_dir_all(folder.path().join("coins")).unwrap();
     fails(&["evaluate", "run", "grid", "--gap-updates", "3"], "the gaps need the run's recordings");

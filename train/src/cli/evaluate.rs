@@ -13,7 +13,9 @@ use vibes_measure::probes::{Fitting, Probe};
 use vibes_model::trained::Trained;
 use vibes_train::TrainError;
 use vibes_train::evaluate::open_loop::LEAST_STEPS;
-use vibes_train::evaluate::{EvaluateOptions, GapOptions, Gaps, GridSize, Likelihoods, Report, evaluate, gaps};
+use vibes_train::evaluate::{
+    EvaluateOptions, GapOptions, Gaps, GridSize, Likelihoods, Report, check_gaps, evaluate, gaps,
+};
 use vibes_train::trained::TrainedRun;
 
 use super::Context;
@@ -27,7 +29,7 @@ pub(crate) struct EvaluateArgs {
     run: PathBuf,
     /// A grid recording that was not trained on.
     grid: PathBuf,
-    /// Recordings that the probes and the gaps' critic are fitted on [default: those that the run learned from].
+    /// Recordings that the probes and the gaps' critic are fitted on [default: those that the run was given, or else its replay].
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
     fit_on: Vec<PathBuf>,
     /// Updates of the fresh critic that measures the gaps to a bisimulation; 0 leaves them out. Needs a world model, and recordings to fit on.
@@ -46,8 +48,10 @@ pub(crate) struct EvaluateArgs {
 impl EvaluateArgs {
     /// That nothing was given that is not looked at.
     fn check_given(&self, run: &TrainedRun, has_recordings: bool) -> Result<()> {
+        let fits_gaps = self.gap_updates > 0 && matches!(run, TrainedRun::World(_));
         let idle = [
-            ("probe_episodes", self.probe_episodes > 0 && !has_recordings, "the run's recordings are gone"),
+            ("fit_on", self.probe_episodes == 0 && !fits_gaps, "nothing is fitted"),
+            ("probe_episodes", self.probe_episodes > 0 && !has_recordings, "there are no recordings to fit on"),
             ("gap_updates", self.gap_updates > 0 && !matches!(run, TrainedRun::World(_)), "the run has no world model"),
         ];
         let mut idle = idle.into_iter().filter(|(_, is_idle, _)| *is_idle);
@@ -71,7 +75,7 @@ impl EvaluateArgs {
         Ok(Ok(named?))
     }
 
-    /// Updates of the gaps' critic: none without the run's recordings, which is an error where they were asked for.
+    /// Updates of the gaps' critic: none without recordings to fit on, which is an error where they were asked for.
     fn affordable_gaps(
         &self,
         context: &Context,
@@ -112,6 +116,10 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
         _ => &[],
     };
     let options = EvaluateOptions { probe_episodes: args.probe_episodes, ..EvaluateOptions::default() };
+    if let (1.., TrainedRun::World(run), Trained::World(model), Ok(training)) = (gap_updates, &run, &trained, &training)
+    {
+        check_gaps(model, training, run.info().options.length)?;
+    }
     let report = evaluate(trained.encoder(), &grid, to_fit, options, &device)?;
     let gaps = match (gap_updates, &run, &trained) {
         (updates @ 1.., TrainedRun::World(run), Trained::World(model)) => {

@@ -17,7 +17,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
-use vibes_data::Recording;
+use vibes_data::{Recording, WindowSampler};
 use vibes_measure::intervals::{Interval, Trajectories};
 use vibes_model::Model;
 use vibes_model::adversary::Adversary;
@@ -130,6 +130,18 @@ struct Correctors {
     optimizers: [Optimizer; 2],
 }
 
+/// That the gaps' critic can be fitted on these recordings, in windows of `length` rows: to be known before anything is computed.
+///
+/// # Errors
+/// A recording does not fit the model or has no episode as long as a window.
+pub fn check_gaps(model: &Model, training: &[Recording], length: usize) -> Result<()> {
+    for recording in training {
+        check_fit(model.into(), recording)?;
+        WindowSampler::check_length(recording, length)?;
+    }
+    Ok(())
+}
+
 /// Fits a critic and refits the heads, and measures both gaps.
 ///
 /// # Errors
@@ -141,9 +153,8 @@ pub fn gaps(
     options: GapOptions,
     device: &Device,
 ) -> Result<Gaps> {
-    for recording in training.iter().chain([held_out]) {
-        check_fit(model.into(), recording)?;
-    }
+    check_gaps(model, training, options.length)?;
+    check_fit(model.into(), held_out)?;
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let fixed = Model { config: model.config.clone(), world: model.world.valid(), adversary: None };
     let mut correctors = Correctors::new(&fixed, device, &mut rng)?;

@@ -1,7 +1,7 @@
 //! The updates of a round. In: the learners, and the replay their windows come from. Out: the learners after so many updates each, and what was measured.
 //!
 //! Actor and critic learn from the world model as an update left it and from the rows of that update; the world model learns nothing from them. So while actor and
-//! critic learn from one update, the world model makes its next one on another core, and every number is that of one after the other.
+//! critic learn from one update, the world model makes its next one beside them, and every number is as if one were made after the other.
 
 use std::time::Instant;
 
@@ -9,7 +9,7 @@ use vibes_model::World;
 
 use super::line::Round;
 use super::{Event, Learners, Setup};
-use crate::error::Result;
+use crate::error::{Result, TrainError};
 use crate::fit::Go;
 use crate::learners::behaviour::foresight::{Foresight, foresight};
 use crate::learners::behaviour::{BehaviourLearner, BehaviourMeasures, Replayed};
@@ -84,12 +84,17 @@ impl Lesson {
     }
 }
 
-/// Does both at once, the second on a thread of its own.
-fn beside<A, B: Send>(here: impl FnOnce() -> A, there: impl FnOnce() -> B + Send) -> (A, B) {
+/// Does both at once, the second on a thread of its own, whose panic is an error of the run.
+fn beside<A, B: Send>(here: impl FnOnce() -> A, there: impl FnOnce() -> Result<B> + Send) -> (A, Result<B>) {
+    const WORK: &str = "teaches actor and critic";
     std::thread::scope(|scope| {
-        let there = scope.spawn(there);
+        let there = std::thread::Builder::new().name("behaviour".to_owned()).spawn_scoped(scope, there);
         let here = here();
-        (here, there.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+        let there = match there {
+            Ok(there) => there.join().unwrap_or_else(|panic| Err(TrainError::panicked(WORK, &*panic))),
+            Err(no_thread) => Err(TrainError::panicked(WORK, &no_thread.to_string())),
+        };
+        (here, there)
     })
 }
 

@@ -29,16 +29,20 @@ fn updates_beside_one_another_are_those_one_after_another() {
         control_steps: 8 * 40,
         prefill: 2,
         first_updates: 4,
-        critic_first: 7,
         evaluate_every: 0,
         evaluation_episodes: 1,
         final_episodes: 1,
         rows_per_step: 8.0,
         ..options
     };
-    let prepared = prepare::from_nothing(&path, &Options::preset("tiny").unwrap(), options).unwrap();
+    let mut prepared = prepare::from_nothing(&path, &Options::preset("tiny").unwrap(), options).unwrap();
     let setup = Setup { run: &prepared.run, options: &prepared.options, given: &[], device: &device };
     online(&setup, &mut |_| Go::On).unwrap();
+    // Within the updates that are compared the actor begins to learn and the horizon grows.
+    let before = resume(&prepared.run, &device).unwrap().unwrap().online.updates;
+    let options = &mut prepared.options;
+    (options.critic_first, options.short_horizon, options.short_for) = (before + 2, 3, before + 4);
+    let setup = Setup { run: &prepared.run, options: &prepared.options, given: &[], device: &device };
     let run_of = |rounds: &[u64]| {
         let resumed = resume(setup.run, &device).unwrap().unwrap();
         let (place, model) = (path.join("replay"), &setup.run.info().options);
@@ -49,6 +53,7 @@ fn updates_beside_one_another_are_those_one_after_another() {
         let mut session = Session::open(setup.run, &device, resumed.world, false).unwrap();
         let (mut learners, mut done, mut measures, mut told) =
             ((resumed.learner, resumed.behaviour), resumed.online.updates, Vec::new(), 0);
+        let mut foreseen = None;
         for &count in rounds {
             let mut listen = |_: Event<'_>| {
                 told += 1;
@@ -56,7 +61,7 @@ fn updates_beside_one_another_are_those_one_after_another() {
             };
             let (next, round, _) =
                 updates(&setup, &replay, &mut session, learners, (done, count), &mut listen).unwrap();
-            (learners, done) = (next, done + count);
+            (learners, done, foreseen) = (next, done + count, round.foresight);
             measures.extend(
                 round.measures.into_iter().map(|made| BehaviourMeasures { phases: BehaviourPhases::default(), ..made }),
             );
@@ -73,11 +78,20 @@ fn updates_beside_one_another_are_those_one_after_another() {
             read_parameters(&behaviour.behaviour.slow, ""),
             read_parameters(&behaviour.guard.unwrap().guard.members, ""),
         ];
-        (measures, weights)
+        (measures, weights, foreseen)
     };
-    let (beside, weights) = run_of(&[COUNT]);
-    let (after, wanted) = run_of(&[1; COUNT as usize]);
-    assert_eq!(beside, after);
+    let (made, weights, foreseen) = run_of(&[COUNT]);
+    let (after, wanted, last) = run_of(&[1; COUNT as usize]);
+    assert_eq!((&made, foreseen), (&after, last));
+    let moved: Vec<bool> = made.iter().map(|made| made.actor_gradient_norm.is_some()).collect();
+    assert_eq!(moved, [false, false, true, true, true, true]);
     assert!(weights == wanted);
-    assert!(beside.windows(2).any(|pair| pair[0] != pair[1]), "every update measures something of its own");
+    assert!(made.windows(2).any(|pair| pair[0] != pair[1]), "every update measures something of its own");
+}
+
+#[test]
+fn a_panic_beside_is_an_error_and_what_was_made_here_is_there() {
+    let (here, there) = beside(|| 7, || -> Result<()> { panic!("out of memory") });
+    let error = there.unwrap_err();
+    assert!(here == 7 && error.to_string().contains("out of memory"), "{error}");
 }
