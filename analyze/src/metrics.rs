@@ -42,7 +42,7 @@ const KNOWN: [(&str, &str, bool); 21] = [
 ];
 
 /// What is in the names of metrics of which a lower number is better.
-const LOW: [&str; 14] = [
+const LOW: [&str; 15] = [
     "gap",
     "loss",
     "error",
@@ -51,6 +51,7 @@ const LOW: [&str; 14] = [
     "within_state_share",
     "symmetry_ratio",
     "shuffled",
+    "persistence",
     // What is read of a distractor.
     "/video/",
     "/video frame/",
@@ -104,6 +105,7 @@ mod tests {
         assert!(better("retrieval_same_step@1") && better("open_loop_reward_r2@5") && better(KNOWN[14].0));
         assert!(!better("interaction_share") && !better("probe/video/hs") && !better("probe_knn/pole red/s"));
         assert!(!better("distractor_share") && !better("open_loop_reward_r2_shuffled@5") && !better(DYNAMICS_GAP));
+        assert!(!better("open_loop_reward_r2_persistence@5"));
         let full = Metric::named("held_out.numbers.distractor_share.estimate");
         assert_eq!((full.title.as_str(), full.higher_is_better), ("held-out distractor_share", false));
     }

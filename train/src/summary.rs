@@ -239,15 +239,22 @@ fn held_out(page: &mut String, evaluations: &[Json]) {
 fn open_loop(page: &mut String, last: &Json) {
     let row = |name: &str| {
         let cell = |ahead: &usize| number(last, &format!("{name}@{ahead}"), "/estimate");
-        AHEAD.iter().map(cell).collect::<Option<Vec<f64>>>()
+        AHEAD
+            .iter()
+            .map(cell)
+            .map(|value| value.map_or("–".to_owned(), |value| format!("{value:.3}")))
+            .collect::<Vec<_>>()
     };
-    let rows = [("recorded", row("open_loop_reward_r2")), ("shuffled", row("open_loop_reward_r2_shuffled"))];
-    let cells = |values: Vec<f64>| values.iter().map(|value| format!("{value:.3}")).collect::<Vec<_>>().join(" | ");
+    let rows = [
+        ("under the recorded actions", row("open_loop_reward_r2")),
+        ("under shuffled actions", row("open_loop_reward_r2_shuffled")),
+        ("as the reward of now (persistence)", row("open_loop_reward_r2_persistence")),
+    ];
     let heads = AHEAD.map(|ahead| format!("{ahead} steps")).join(" | ");
-    push(page, &format!("\n| reward predicted open loop (R²) under actions that were | {heads} |"));
+    push(page, &format!("\n| reward predicted open loop (R²) | {heads} |"));
     push(page, &format!("|---|{}", "---|".repeat(AHEAD.len())));
     for (name, values) in rows {
-        push(page, &format!("| {name} | {} |", values.map_or_else(|| "– | – | – | –".to_owned(), cells)));
+        push(page, &format!("| {name} | {} |", values.join(" | ")));
     }
 }
 

@@ -115,13 +115,14 @@ fn held_out(evaluation: &Evaluation) -> String {
         format!("; gaps reward {:+.2}, dynamics {:+.2} nats", gaps.reward_gap, gaps.dynamics_gap)
     });
     format!(
-        "held-out grid: retrieval_same_step@1 {:.2}, variance shares state {:.2}, distractor {:.2}, interaction {:.2}, open_loop_reward_r2@10 {:.2} (shuffled {:.2}){gaps}",
+        "held-out grid: retrieval_same_step@1 {:.2}, variance shares state {:.2}, distractor {:.2}, interaction {:.2}, open_loop_reward_r2@10 {:.2} (shuffled {:.2}, persistence {:.2}){gaps}",
         number("retrieval_same_step@1"),
         number("state_share"),
         number("distractor_share"),
         number("interaction_share"),
         number("open_loop_reward_r2@10"),
-        number("open_loop_reward_r2_shuffled@10")
+        number("open_loop_reward_r2_shuffled@10"),
+        number("open_loop_reward_r2_persistence@10")
     )
 }
 

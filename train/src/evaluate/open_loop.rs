@@ -7,7 +7,8 @@
 //! ```
 //!
 //! Shuffled actions are a stretch of another episode's (of another state trajectory, on a grid). A model that a policy can learn from predicts well under the
-//! recorded actions and clearly worse under the shuffled ones; where the two agree it hardly cares what is done.
+//! recorded actions and clearly worse under the shuffled ones; where the two agree it hardly cares what is done. The third prediction is *persistence*: the reward of the
+//! start, as though nothing changed. Where rewards change slowly it is high, and only a model above it knows more than where it is.
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
@@ -23,19 +24,19 @@ use vibes_model::{Model, World, scale};
 use super::{Features, Rows};
 use crate::error::Result;
 
-/// Steps ahead that are judged.
+/// Steps ahead that are judged, in episodes that are long enough.
 pub const AHEAD: [usize; 4] = [1, 5, 10, 15];
-const LONGEST: usize = AHEAD[AHEAD.len() - 1];
-/// Rows at the start of an episode that are no starts: the hidden states have not seen enough yet.
+/// Rows at the start of an episode that are no starts, at most: the hidden states have not seen enough yet. Of short episodes it is their first quarter.
 const SKIP: usize = 16;
 /// Steps that an episode needs to be judged.
-pub const LEAST_STEPS: usize = SKIP + LONGEST + 1;
+pub const LEAST_STEPS: usize = AHEAD[0] + 1;
 /// Rows between one start and the next.
 const STRIDE: usize = 3;
 /// Starts run ahead together.
 const TOGETHER: usize = 1024;
 
-/// The numbers `open_loop_reward_r2@K` and `open_loop_reward_r2_shuffled@K` of all episodes that are long enough; none if no two trajectories are.
+/// The numbers `open_loop_reward_r2@K`, `open_loop_reward_r2_shuffled@K` and `open_loop_reward_r2_persistence@K` of all episodes that are long enough, for the `K` that the
+/// longest has; none if no two trajectories have a start.
 /// `latents` and `states` are the tables `s` and `h` of these rows.
 ///
 /// # Errors
@@ -48,24 +49,48 @@ pub fn open_loop(
     device: &Device,
 ) -> Result<Numbers> {
     let episodes = episodes(rows, model);
-    let starts = starts(&episodes, &mut ChaCha8Rng::seed_from_u64(seed));
+    let reach = Reach::of(episodes.iter().map(|episode| episode.steps).max().unwrap_or(0));
+    let starts = starts(&episodes, &reach, &mut ChaCha8Rng::seed_from_u64(seed));
     if starts.is_empty() {
         return Ok(Numbers::default());
     }
     let scene = Scene { model, world: model.world.valid(), episodes: &episodes, latents, states, device };
     let trajectories = rows.table(latents)?.trajectories();
-    let named = [("open_loop_reward_r2", false), ("open_loop_reward_r2_shuffled", true)];
-    let numbers = named.into_iter().flat_map(|(name, shuffled)| {
-        let predicted = scene.predictions(&starts, shuffled);
+    let named = [
+        ("open_loop_reward_r2", scene.predictions(&starts, &reach, false)),
+        ("open_loop_reward_r2_shuffled", scene.predictions(&starts, &reach, true)),
+        ("open_loop_reward_r2_persistence", vec![persistence(&episodes, &starts); reach.ahead.len()]),
+    ];
+    let numbers = named.iter().flat_map(|(name, predictions)| {
         let number = |(&ahead, predicted): (&usize, &Vec<f64>)| Number {
             name: format!("{name}@{ahead}"),
             value: judge(&episodes, &starts, predicted, ahead, &trajectories, seed),
             chance: 0.0,
             past_actions: None,
         };
-        AHEAD.iter().zip(&predicted).map(number).collect::<Vec<_>>()
+        reach.ahead.iter().zip(predictions).map(number).collect::<Vec<_>>()
     });
     Ok(numbers.collect())
+}
+
+/// From where in an episode it is run ahead, and how far.
+struct Reach {
+    skip: usize,
+    ahead: &'static [usize],
+}
+
+impl Reach {
+    /// What episodes of so many steps have room for.
+    fn of(steps: usize) -> Self {
+        let skip = SKIP.min(steps / 4);
+        let fitting = AHEAD.iter().filter(|&&ahead| skip + ahead < steps).count();
+        Self { skip, ahead: &AHEAD[..fitting] }
+    }
+
+    /// Steps of the longest run ahead.
+    fn longest(&self) -> Option<usize> {
+        self.ahead.last().copied()
+    }
 }
 
 /// What is needed of an episode beside its rows in the tables.
@@ -103,18 +128,19 @@ struct Start {
     lent_from: usize,
 }
 
-fn starts(episodes: &[Episode<'_>], rng: &mut ChaCha8Rng) -> Vec<Start> {
+fn starts(episodes: &[Episode<'_>], reach: &Reach, rng: &mut ChaCha8Rng) -> Vec<Start> {
     let mut starts = Vec::new();
-    let long: Vec<usize> = (0..episodes.len()).filter(|&index| episodes[index].steps > LONGEST).collect();
+    let Some(longest) = reach.longest() else { return starts };
+    let long: Vec<usize> = (0..episodes.len()).filter(|&index| episodes[index].steps > longest).collect();
     for (index, episode) in episodes.iter().enumerate() {
         let is_other = |lender: &usize| episodes[*lender].trajectory != episode.trajectory;
         let lenders: Vec<usize> = long.iter().copied().filter(is_other).collect();
         if lenders.is_empty() {
             continue;
         }
-        for step in (SKIP..episode.steps.saturating_sub(LONGEST)).step_by(STRIDE) {
+        for step in (reach.skip..episode.steps.saturating_sub(longest)).step_by(STRIDE) {
             let lender = lenders[rng.random_range(0..lenders.len())];
-            let lent_from = rng.random_range(0..episodes[lender].steps - LONGEST);
+            let lent_from = rng.random_range(0..episodes[lender].steps - longest);
             starts.push(Start { episode: index, step, lender, lent_from });
         }
     }
@@ -131,25 +157,26 @@ struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// Predicted rewards by step ahead: `[AHEAD][starts]`.
-    fn predictions(&self, starts: &[Start], shuffled: bool) -> Vec<Vec<f64>> {
-        let mut predicted = vec![Vec::with_capacity(starts.len()); AHEAD.len()];
+    /// Predicted rewards by step ahead: `[ahead][starts]`.
+    fn predictions(&self, starts: &[Start], reach: &Reach, shuffled: bool) -> Vec<Vec<f64>> {
+        let mut predicted = vec![Vec::with_capacity(starts.len()); reach.ahead.len()];
         for together in starts.chunks(TOGETHER) {
-            self.run_ahead(together, shuffled, &mut predicted);
+            self.run_ahead(together, reach, shuffled, &mut predicted);
         }
         predicted
     }
 
-    fn run_ahead(&self, starts: &[Start], shuffled: bool, predicted: &mut [Vec<f64>]) {
+    fn run_ahead(&self, starts: &[Start], reach: &Reach, shuffled: bool, predicted: &mut [Vec<f64>]) {
         let mut latent = self.gather(starts, self.latents);
         let mut state = self.gather(starts, self.states).squeeze_dim::<2>(0);
-        for step in 0..=LONGEST {
+        let longest = reach.longest().unwrap_or(0);
+        for step in 0..=longest {
             let actions = self.actions(starts, shuffled, step);
-            if let Some(index) = AHEAD.iter().position(|&ahead| ahead == step) {
+            if let Some(index) = reach.ahead.iter().position(|&ahead| ahead == step) {
                 let rewards = to_values(self.world.reward.forward(latent.clone(), actions.clone()).mean);
                 predicted[index].extend(rewards.into_iter().map(f64::from));
             }
-            if step < LONGEST {
+            if step < longest {
                 let (next, states) = self.world.dynamics.forward(latent, actions, Some(state));
                 (latent, state) = (next.mean, states.squeeze_dim::<2>(0));
             }
@@ -178,6 +205,11 @@ impl Scene<'_> {
     fn tensor(&self, values: Vec<f32>, rows: usize, width: usize) -> Tensor<3> {
         Tensor::from_data(TensorData::new(values, [1, rows, width]), &self.device.clone().inner())
     }
+}
+
+/// The rewards of the starts' own actions, as though nothing changed.
+fn persistence(episodes: &[Episode<'_>], starts: &[Start]) -> Vec<f64> {
+    starts.iter().map(|start| f64::from(episodes[start.episode].view.reward(start.step))).collect()
 }
 
 fn judge(
