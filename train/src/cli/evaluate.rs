@@ -12,7 +12,6 @@ use vibes_measure::numbers::{Number, probe_family};
 use vibes_measure::probes::{Fitting, Probe};
 use vibes_model::trained::Trained;
 use vibes_train::TrainError;
-use vibes_train::evaluate::open_loop::LEAST_STEPS;
 use vibes_train::evaluate::{
     EvaluateOptions, GapOptions, Gaps, GridSize, Likelihoods, Report, check_gaps, evaluate, gaps,
 };
@@ -137,11 +136,6 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
         print!("{text}");
     } else if !context.quiet {
         print_report(&report);
-        if matches!(trained, Trained::World(_))
-            && !report.numbers.iter().any(|number| number.name.starts_with("open_loop"))
-        {
-            println!("no rewards ahead (open_loop_reward_r2): they need two trajectories of {LEAST_STEPS} steps");
-        }
         if let Some(gaps) = &gaps {
             print_gaps(gaps);
         }

@@ -28,8 +28,6 @@ use crate::error::Result;
 pub const AHEAD: [usize; 4] = [1, 5, 10, 15];
 /// Rows at the start of an episode that are no starts, at most: the hidden states have not seen enough yet. Of short episodes it is their first quarter.
 const SKIP: usize = 16;
-/// Steps that an episode needs to be judged.
-pub const LEAST_STEPS: usize = AHEAD[0] + 1;
 /// Rows between one start and the next.
 const STRIDE: usize = 3;
 /// Starts run ahead together.
