@@ -1,5 +1,6 @@
 //! Is the model fit to be steered by? From a state `(h_t, s_t)` the dynamics are run ahead without a picture, and the rewards they lead to are compared with those that
-//! were earned. In: a model, rows, and the tables `s` and `h` of them. Out: R² of the reward 1, 5, 10 and 15 steps ahead, under the recorded actions and under shuffled ones.
+//! were earned. In: a model, rows, and the tables `s` and `h` of them. Out: R² of the reward 1, 5, 10 and 15 steps ahead, under the recorded actions, under shuffled ones,
+//! and of the reward that is earned now.
 //!
 //! ```text
 //! r̂_t+k = mean of R(ŝ_t+k, a_t+k),   h_t+i+1 = f(h_t+i, ŝ_t+i, a_t+i),   ŝ_t+i+1 = mean of p(· | h_t+i+1)
