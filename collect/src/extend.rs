@@ -18,7 +18,7 @@ use crate::paths::rebase;
 use crate::plan::{RecordOptions, SUBSET, state_seed};
 use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, record};
 use crate::stored::{has_logs, options_of};
-use crate::trained::acted_by;
+use crate::trained::{acted_by, as_named};
 use crate::{Error, Result};
 use vibes_env::{PolicyMix, PolicySpec};
 
@@ -104,6 +104,7 @@ pub fn extend(path: &Path, size: Size, run: ExtendRun<'_>, report: &(dyn Fn(Prog
     let source = if is_wider { Source::Grid(&recording) } else { Source::Simulation };
     let seed = recording.manifest().seed;
     let with_mcap = has_logs(&recording);
+    let policies = as_named(&options.acting);
     let record_run = RecordRun {
         options: &options,
         seed,
@@ -111,7 +112,7 @@ pub fn extend(path: &Path, size: Size, run: ExtendRun<'_>, report: &(dyn Fn(Prog
         with_mcap,
         source,
         turn: 0.0,
-        policies: PolicyMaker::default(),
+        policies: PolicyMaker(&policies),
         stop: run.stop,
     };
     places.keep_what_is_beside()?;

@@ -3,7 +3,7 @@
 //! In: a recording and a [`Redraw`]: what is to be different. Out: another recording of the same states, which is the one that would have
 //! been recorded with those options in the first place.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use vibes_data::Recording;
@@ -96,8 +96,7 @@ impl Redraw {
         (threads, stop): (usize, &AtomicBool),
         report: &(dyn Fn(Progress) + Sync),
     ) -> Result<Recording> {
-        let same = |path: &Path| -> Option<PathBuf> { path.canonicalize().ok() };
-        if same(output).is_some_and(|output| Some(output) == same(recording.path())) {
+        if vibes_data::is_same_place(output, recording.path()) {
             return Err(Error::malformed(output, "this is the recording itself", "name another folder with -o"));
         }
         let old = options_of(recording)?;

@@ -3,7 +3,7 @@
 //! In: a run's folder. Out: a [`vibes_env::Policy`] that sees the pictures, or the vector observation, that the run was trained on, and what the
 //! manifest says of it ([`ActedBy`]). The one place where the collector knows about networks.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use vibes_data::RunFolder;
@@ -35,19 +35,57 @@ pub struct ActedBy {
 /// When a run cannot be loaded or was trained on another task, and as [`PolicySpec::policy`].
 pub fn policy(spec: &PolicySpec, task: &str, options: EnvironmentOptions) -> Result<Box<dyn Policy>> {
     match spec {
-        PolicySpec::Run { path } => load(path, task).map(|(policy, _)| policy),
+        PolicySpec::Run { path } => load(path, &newest(path)?, task).map(|(policy, _)| policy),
         PolicySpec::Random { .. } | PolicySpec::Planner { .. } | PolicySpec::Actions { .. } => {
             Ok(spec.policy(task, options)?)
         }
     }
 }
 
-/// What the manifest says of a run that acts.
+/// Makes policies as [`policy`] does, of trained runs from the very checkpoints that a manifest names: a run that learns on meanwhile saves newer ones, which are not those that
+/// the recording says.
+///
+/// # Errors
+/// As [`policy`], or the run's checkpoint is gone.
+pub fn as_named(
+    acting: &[ActedBy],
+) -> impl Fn(&PolicySpec, &str, EnvironmentOptions) -> Result<Box<dyn Policy>> + Sync + '_ {
+    |spec, task, options| match spec {
+        PolicySpec::Run { path } => named(path, task, acting),
+        PolicySpec::Random { .. } | PolicySpec::Planner { .. } | PolicySpec::Actions { .. } => {
+            policy(spec, task, options)
+        }
+    }
+}
+
+/// The actor of a run's checkpoint that is among those that are named.
+fn named(path: &Path, task: &str, acting: &[ActedBy]) -> Result<Box<dyn Policy>> {
+    let folder = RunFolder::at(path);
+    for update in folder.checkpoints().into_iter().rev() {
+        let checkpoint = folder.checkpoint_path(update);
+        // Without looking into those that have another name.
+        if !acting.iter().any(|acted| acted.checkpoint.starts_with(&format!("{},", last_part(&checkpoint)))) {
+            continue;
+        }
+        match load(path, &checkpoint, task)? {
+            (policy, found) if acting.contains(&found) => return Ok(policy),
+            _ => {}
+        }
+    }
+    let known: Vec<&str> = acting.iter().map(|acted| acted.checkpoint.as_str()).collect();
+    Err(refused(
+        path,
+        format!("the checkpoint that acts in this recording ({}) is gone", known.join(" or ")),
+        "a run that keeps it, or another folder (-o)",
+    ))
+}
+
+/// What the manifest says of a run that acts: of its newest checkpoint.
 ///
 /// # Errors
 /// As [`policy`].
 pub fn acted_by(path: &Path, task: &str) -> Result<ActedBy> {
-    load(path, task).map(|(_, acted_by)| acted_by)
+    load(path, &newest(path)?, task).map(|(_, acted_by)| acted_by)
 }
 
 /// What a run was trained in, for options that were not typed.
@@ -105,22 +143,31 @@ fn lived(run: &Path) -> Option<u64> {
     ["online.json", "state.json"].into_iter().find_map(|file| read(file)?["control_steps"].as_u64())
 }
 
-/// Loads the actor of a run's newest checkpoint.
-fn load(path: &Path, task: &str) -> Result<(Box<dyn Policy>, ActedBy)> {
-    let refuse = |fact: String, expected: &str| {
-        let text = path.display().to_string();
-        Error::from(WorldError::Policy { text, fact, expected: expected.to_owned() })
-    };
-    let trained = "a run that `vibes-train online` has trained";
-    let checkpoint = RunFolder::at(path)
-        .newest_checkpoint()
-        .map_err(|_none| refuse("it holds no checkpoint".to_owned(), trained))?;
-    let file = actor_file(&checkpoint).ok_or_else(|| refuse("it holds no actor".to_owned(), trained))?;
+/// What a run that can act is.
+const TRAINED: &str = "a run that `vibes-train online` has trained";
+
+fn refused(path: &Path, fact: String, expected: &str) -> Error {
+    let text = path.display().to_string();
+    Error::from(WorldError::Policy { text, fact, expected: expected.to_owned() })
+}
+
+fn last_part(path: &Path) -> String {
+    path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
+/// The folder of a run's newest checkpoint.
+fn newest(path: &Path) -> Result<PathBuf> {
+    RunFolder::at(path).newest_checkpoint().map_err(|_none| refused(path, "it holds no checkpoint".to_owned(), TRAINED))
+}
+
+/// Loads the actor of a checkpoint of a run.
+fn load(path: &Path, checkpoint: &Path, task: &str) -> Result<(Box<dyn Policy>, ActedBy)> {
+    let file = actor_file(checkpoint).ok_or_else(|| refused(path, "it holds no actor".to_owned(), TRAINED))?;
     let file = checkpoint.join(file);
-    let agent =
-        TrainedAgent::load(&checkpoint, &vibes_model::cpu()).map_err(|error| refuse(error.to_string(), trained))?;
+    let agent = TrainedAgent::load(checkpoint, &vibes_model::cpu())
+        .map_err(|error| refused(path, error.to_string(), TRAINED))?;
     if agent.task() != task {
-        return Err(refuse(format!("it was trained on {}", agent.task()), &format!("a run of {task}")));
+        return Err(refused(path, format!("it was trained on {}", agent.task()), &format!("a run of {task}")));
     }
     let home = home(path);
     let pictures = match agent.observation() {
@@ -128,11 +175,10 @@ fn load(path: &Path, task: &str) -> Result<(Box<dyn Policy>, ActedBy)> {
         ObservationKind::Vector { .. } => None,
     };
     let weights = std::fs::read(&file).map_err(Error::io("read", &file))?;
-    let last_part = |path: &Path| path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let whole = std::path::absolute(path).map_err(Error::io("find", path))?;
     let acted_by = ActedBy {
         run: last_part(&whole),
-        checkpoint: format!("{}, {}", last_part(&checkpoint), &vibes_data::sha256_hex(&weights)[..12]),
+        checkpoint: format!("{}, {}", last_part(checkpoint), &vibes_data::sha256_hex(&weights)[..12]),
         pictures,
     };
     let name = path.display().to_string();
@@ -168,5 +214,37 @@ mod tests {
         assert_eq!(place.canonicalize().unwrap(), videos.canonicalize().unwrap());
         assert_eq!(found.look, Look::Suite);
         assert_eq!(home(folder.path()), Home::default(), "no run");
+    }
+
+    /// A run that is recorded while it learns on must not act with weights that the manifest does not name.
+    #[test]
+    fn the_checkpoint_that_is_named_acts_though_there_are_newer_ones() {
+        let kept = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../checkpoints/swimmer-100-online"));
+        let found = newest(kept).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let run = folder.path().join("run");
+        let save = |update: &str| {
+            let place = run.join("checkpoints").join(update);
+            std::fs::create_dir_all(&place).unwrap();
+            for file in std::fs::read_dir(&found).unwrap().map(|file| file.unwrap().path()) {
+                std::fs::copy(&file, place.join(file.file_name().unwrap())).unwrap();
+            }
+            place
+        };
+        std::fs::create_dir_all(&run).unwrap();
+        for file in ["run.json", "online.json"] {
+            std::fs::copy(kept.join(file), run.join(file)).unwrap();
+        }
+        let first = save("000007");
+        let acting = [acted_by(&run, "swimmer-100").unwrap()];
+        let make = as_named(&acting);
+        let spec = PolicySpec::Run { path: run.clone() };
+        make(&spec, "swimmer-100", EnvironmentOptions::default()).unwrap();
+        save("000009");
+        make(&spec, "swimmer-100", EnvironmentOptions::default()).unwrap();
+        assert_ne!(acted_by(&run, "swimmer-100").unwrap(), acting[0], "the newest is another");
+        std::fs::remove_dir_all(first).unwrap();
+        let gone = make(&spec, "swimmer-100", EnvironmentOptions::default()).err().unwrap().to_string();
+        assert!(gone.contains("(000007, ") && gone.contains("is gone"), "{gone}");
     }
 }

@@ -55,6 +55,25 @@ fn a_recording_goes_on_with_the_same_command_and_ends_with_the_same_bytes() {
     fails(folder.path(), "--episodes 4 --steps 5 -o whole", 1, "options.steps is 4, asked for was 5");
 }
 
+/// A run in a mix acts in its own world too, and two of different worlds need a word.
+#[test]
+fn a_run_in_a_mix_acts_in_the_world_that_it_was_trained_in() {
+    let folder = tempfile::tempdir().unwrap();
+    let kept = concat!(env!("CARGO_MANIFEST_DIR"), "/../checkpoints/swimmer-100-online");
+    std::os::unix::fs::symlink(kept, folder.path().join("kept")).unwrap();
+    works(folder.path(), "--mix kept:0.5,random:0.5 --episodes 2 --steps 2 --no-pixels --no-mcap -o mixed");
+    let recording = Recording::open(&folder.path().join("mixed")).unwrap();
+    let (spec, options) = (&recording.manifest().spec, &recording.manifest().options);
+    assert_eq!((spec.task.as_str(), spec.action_repeat, &options["protocol"]), ("swimmer-100", 50, &().into()));
+    let axes = &options["distractors"]["axes"];
+    assert!(axes.as_object().unwrap().values().all(|is_there| is_there == false), "{axes}");
+    let other = folder.path().join("other");
+    std::fs::create_dir_all(&other).unwrap();
+    std::fs::write(other.join("online.json"), r#"{"world": {"action_repeat": 10}}"#).unwrap();
+    let two = "--mix kept:0.5,other:0.5 --episodes 2 --steps 2 --no-pixels --no-mcap -o two";
+    fails(folder.path(), two, 1, "for 10 and 50 control steps");
+}
+
 #[test]
 fn rewards_are_those_of_their_own_row() {
     let folder = tempfile::tempdir().unwrap();

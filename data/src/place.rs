@@ -22,6 +22,11 @@ pub fn find_place(place: &str, folder: &Path, is_it: impl Fn(&Path) -> bool) -> 
     above.chain(std::iter::once(place.to_path_buf())).find(|path| is_it(path))
 }
 
+/// Whether two paths lead to one file or folder, which may be named in two ways.
+pub fn is_same_place(one: &Path, other: &Path) -> bool {
+    one == other || one.canonicalize().ok().zip(other.canonicalize().ok()).is_some_and(|(one, other)| one == other)
+}
+
 /// The absolute path without `.` and `..`. Links are not followed: they may be what makes a folder movable.
 fn whole(path: &Path) -> PathBuf {
     // The folder of a file in the present folder is named by nothing, which has no absolute path.
@@ -51,6 +56,17 @@ mod tests {
         assert_eq!(place("recordings/./x", "runs/../runs/y"), "../../recordings/x");
         assert_eq!(place("/a", "/a"), ".");
         assert_eq!(place("runs/y", ""), "runs/y", "the folder of a file in the present folder");
+    }
+
+    #[test]
+    fn one_folder_is_known_by_every_name_and_two_are_kept_apart() {
+        let home = tempfile::tempdir().unwrap();
+        let (here, there) = (home.path().join("here"), home.path().join("there"));
+        std::fs::create_dir(&here).unwrap();
+        std::fs::create_dir(&there).unwrap();
+        assert!(is_same_place(&here, &there.join("../here")) && !is_same_place(&here, &there));
+        let nowhere = home.path().join("nowhere");
+        assert!(is_same_place(&nowhere, &nowhere) && !is_same_place(&nowhere, &home.path().join("gone")));
     }
 
     #[test]

@@ -87,7 +87,9 @@ fn under(protocol: &str, evaluations: &[Json]) -> String {
     } else {
         "not over: none of the returns below is its result"
     };
-    format!("* protocol {protocol}; {state}")
+    let videos = evaluations.iter().find_map(|line| line["videos"].as_str());
+    let videos = videos.map_or_else(String::new, |videos| format!(", videos {videos}"));
+    format!("* protocol {protocol}{videos}; {state}")
 }
 
 /// Mean returns of whole episodes over control steps.

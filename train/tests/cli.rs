@@ -291,9 +291,28 @@ fn evaluate_on_a_grid_while_training_and_after() {
         (&serde_json::json!(["../others"]), &serde_json::json!([]))
     );
     // A recording that is no grid cannot be evaluated on.
-    let output = vibes_train(folder.path(), &["evaluate", "run", "coins"]);
+    synthetic::recording(&folder.path().join("plain"), synthetic::SIDE, 3, 40, false);
+    let output = vibes_train(folder.path(), &["evaluate", "run", "plain"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(errors(&output).contains("two distractors"), "{}", errors(&output));
+}
+
+#[test]
+fn an_evaluation_on_the_way_tells_what_its_grid_has_room_for() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 40, false);
+    for (grid, steps, has_room) in [("long", 40, true), ("brief", 8, false)] {
+        synthetic::recording(&folder.path().join(grid), synthetic::SIDE, 6, steps, true);
+        let run = format!("run-{grid}");
+        let options = ["offline", "coins", "--preset", "tiny", "--updates", "2", "--eval", grid, "-o", &run];
+        let output = vibes_train(folder.path(), &options);
+        assert_done(&output);
+        let told = errors(&output);
+        let line = told.lines().find(|line| line.starts_with("held-out grid: retrieval_same_step@1 "));
+        let line = line.unwrap_or_else(|| panic!("{told}"));
+        assert_eq!(line.contains("open_loop_reward_r2_persistence@10 "), has_room, "{line}");
+        assert!(!line.contains("NaN"), "{line}");
+    }
 }
 
 #[test]
@@ -307,11 +326,20 @@ fn what_cannot_be_evaluated_is_said_before_anything_is_computed() {
     };
     let train = ["offline", "coins", "--preset", "tiny", "--updates", "2", "-o", "run"];
     fails(&[&train[..], &["--eval", "coins"]].concat(), "two distractors");
+    fails(
+        &["offline", "coins", "./grid", "--preset", "tiny", "--eval", "grid", "-o", "both"],
+        "itself among the recordings",
+    );
     assert!(!folder.path().join("run/metrics.jsonl").exists(), "no update was made");
     assert_done(&vibes_train(folder.path(), &train));
     fails(&["evaluate", "run", "grid", "-o", "nowhere/numbers.json"], "a folder that is not there");
     synthetic::recording(&folder.path().join("short"), synthetic::SIDE, 3, 4, false);
     fails(&["evaluate", "run", "grid", "--fit-on", "short"], "short");
+    fails(
+        &["evaluate", "run", "grid", "--fit-on", "coins", "./grid", "--gap-updates", "0"],
+        "itself among the recordings",
+    );
+    fails(&["evaluate", "run", "grid", "--fit-on", "grid", "--probe-episodes", "0"], "itself among the recordings");
     fails(
         &["evaluate", "run", "grid", "--fit-on", "coins", "--probe-episodes", "0", "--gap-updates", "0"],
         "nothing is fitted",

@@ -120,7 +120,7 @@ fn every_counted_row_of_a_replays_windows_is_imagined_as_it_was_recorded() {
     let device = Device::flex();
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path().join("run");
-    let line = "online --task known-slide --no-pixels --distract none --preset tiny --steps 20 --control-steps 160 --prefill 5 --first-updates 0 \
+    let line = "online --task known-slide --no-pixels --distract none --preset tiny --steps 20 --control-steps 240 --prefill 5 --first-updates 0 \
                 --evaluate-every 0 --final-episodes 1 -o";
     let output = program().args(line.split_whitespace()).arg(&place).output().unwrap();
     assert!(output.status.success(), "{}", text(&output));

@@ -36,6 +36,29 @@ const QUICK: [&str; 18] = [
 /// 30 episodes, long enough to be killed in some times.
 const LONG: [&str; 2] = ["--control-steps", "2400"];
 
+/// The same from an offline run: 25 episodes.
+const FROM_RECORDINGS: [&str; 19] = [
+    "--no-pixels",
+    "--distract",
+    "none",
+    "--steps",
+    "40",
+    "--rows-per-step",
+    "17",
+    "--critic-first",
+    "10",
+    "--first-updates",
+    "20",
+    "--checkpoint-every",
+    "40",
+    "--evaluate-every",
+    "400",
+    "--final-episodes=3",
+    "--evaluation-episodes=2",
+    "--control-steps",
+    "2000",
+];
+
 /// 12 episodes.
 const WHOLE: [&str; 2] = ["--control-steps", "960"];
 
@@ -125,6 +148,32 @@ fn however_often_it_is_killed_the_same_command_ends_with_the_same_bytes() {
     assert!(all_kills >= 10, "{all_kills} kills");
 }
 
+/// Half of every batch is of given recordings here: which of their windows are drawn must not depend on when the run was killed.
+#[test]
+fn a_run_with_recordings_is_killed_without_a_trace_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let [given, offline, undisturbed, killed] =
+        ["given", "offline", "undisturbed", "killed"].map(|name| folder.path().join(name));
+    let output = run(&given, &["--control-steps", "320"]);
+    assert!(output.status.success(), "{}", text(&output));
+    let mut learn = process::program();
+    learn.arg("offline").arg(given.join("replay")).args(["--preset", "tiny", "--updates", "20", "-o"]).arg(&offline);
+    let output = learn.output().unwrap();
+    assert!(output.status.success(), "{}", text(&output));
+    let go_on = |folder: &Path| {
+        let mut command = process::program();
+        command.arg("online").arg(&offline).args(FROM_RECORDINGS).arg("-o").arg(folder);
+        command
+    };
+    let output = go_on(&undisturbed).output().unwrap();
+    assert!(output.status.success(), "{}", text(&output));
+    let kills = kill_until_done(|| go_on(&killed), 50..400);
+    assert!(kills >= 5, "{kills} kills");
+    assert_same(&undisturbed, &killed, &format!("after {kills} kills"));
+    let evaluation = lines(&killed.join("evaluations.jsonl")).pop().unwrap();
+    assert_eq!(evaluation["given_control_steps"], 320);
+}
+
 #[test]
 fn what_cannot_be_is_refused_with_what_would_be_right() {
     let folder = tempfile::tempdir().unwrap();
@@ -179,17 +228,17 @@ fn what_cannot_be_is_refused_with_what_would_be_right() {
     assert!(missing.contains("no-such-folder"), "{missing}");
     // A run that is there keeps its options.
     let run_folder = folder.path().join("run");
-    assert!(run(&run_folder, &["--control-steps", "240"]).status.success());
-    let changed = text(&run(&run_folder, &["--control-steps", "240", "--discount", "0.5"]));
+    assert!(run(&run_folder, &["--control-steps", "320"]).status.success());
+    let changed = text(&run(&run_folder, &["--control-steps", "320", "--discount", "0.5"]));
     assert!(changed.contains("discount = 0.99, asked for was 0.5"), "{changed}");
-    let guarded = text(&run(&run_folder, &["--control-steps", "240", "--guard", "1"]));
+    let guarded = text(&run(&run_folder, &["--control-steps", "320", "--guard", "1"]));
     assert!(guarded.contains("guard = 0.0, asked for was 1.0"), "{guarded}");
     // What is refused changes nothing, and a copy that was kept is no run to go on with.
     let kept = folder.path().join("kept");
     let keep = process::program().arg("keep").arg(&run_folder).arg("-o").arg(&kept).output().unwrap();
     assert!(keep.status.success(), "{}", text(&keep));
     let before = [&run_folder, &kept].map(|run| files(run));
-    let noisier = ["--control-steps", "240", "--exploration", "0.7"];
+    let noisier = ["--control-steps", "320", "--exploration", "0.7"];
     assert!(text(&run(&run_folder, &noisier)).contains("exploration = 0.3"));
     assert!(refused(&["kept", "--control-steps", "480"]).contains("kept copy"));
     assert!(text(&run(&kept, &["--control-steps", "480"])).contains("kept copy"));

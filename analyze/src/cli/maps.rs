@@ -190,7 +190,7 @@ impl MapOptions {
         self.check_given()?;
         let path = session.out.join("map.arrow");
         let old = self.onto.as_deref().map(|map| OldMap::open(map, self.onto_latents.as_deref())).transpose()?;
-        if old.as_ref().is_some_and(|old| same_file(&old.path, &path)) {
+        if old.as_ref().is_some_and(|old| vibes_data::is_same_place(&old.path, &path)) {
             return Err(wrong(format!(
                 "the new map would take the place of the old one; name another folder with -o: {}",
                 path.display()
@@ -266,10 +266,6 @@ impl MapOptions {
         table.write(path)?;
         Ok(MadeMap { positions: table.positions, backdrop: Vec::new(), quality, how })
     }
-}
-
-fn same_file(a: &Path, b: &Path) -> bool {
-    a == b || a.canonicalize().ok().zip(b.canonicalize().ok()).is_some_and(|(a, b)| a == b)
 }
 
 /// A checksum of the latents and their keys, block by block.

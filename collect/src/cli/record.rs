@@ -1,5 +1,6 @@
 //! `vibes-collect [OPTIONS]`: records.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -14,7 +15,7 @@ use super::{Outcome, OutputArgs, idle, show};
 use crate::plan::RecordOptions;
 use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, cores, record};
 use crate::returns::Returns;
-use crate::trained::{Home, acted_by, home};
+use crate::trained::{Home, acted_by, as_named, home};
 use vibes_env::distractors::{Axes, Difficulty, DistractorSettings};
 use vibes_env::render::Look;
 use vibes_env::videos::{VideoSet, VideoSource};
@@ -115,10 +116,7 @@ pub(super) fn parse_grid(text: &str) -> std::result::Result<Grid, String> {
 
 impl RecordArgs {
     fn resolve(&self) -> Result<RecordOptions> {
-        let home = match &self.policy {
-            PolicySpec::Run { path } => home(path),
-            _ => Home::default(),
-        };
+        let home = self.home()?;
         let (distractors, videos, video_count) = self.distraction(&home);
         let task = self.task.clone().or(home.task.clone()).unwrap_or_else(|| DEFAULT_TASK.to_owned());
         let action_repeat = self.action_repeat.or(home.action_repeat);
@@ -160,6 +158,34 @@ impl RecordArgs {
         Ok(options)
     }
 
+    /// What the run that acts was trained in; the first of a mix, of which none is evaluated under its protocol.
+    ///
+    /// # Errors
+    /// The runs of a mix hold an action for different numbers of control steps, and none was typed.
+    fn home(&self) -> Result<Home> {
+        let Some(mix) = &self.mix else {
+            return Ok(match &self.policy {
+                PolicySpec::Run { path } => home(path),
+                _ => Home::default(),
+            });
+        };
+        let homes = mix.shares().iter().filter_map(|(policy, _)| match policy {
+            PolicySpec::Run { path } => Some(home(path)),
+            _ => None,
+        });
+        let mut homes: Vec<Home> = homes.collect();
+        homes.iter_mut().for_each(|home| home.protocol = None);
+        let repeats: BTreeSet<u32> = homes.iter().filter_map(|home| home.action_repeat).collect();
+        if repeats.len() > 1 && self.action_repeat.is_none() {
+            let repeats: Vec<String> = repeats.iter().map(u32::to_string).collect();
+            anyhow::bail!(
+                "the runs of --mix hold an action for {} control steps; say for how many with --action-repeat",
+                repeats.join(" and ")
+            );
+        }
+        Ok(homes.into_iter().next().unwrap_or_default())
+    }
+
     /// The distractors, where their videos come from, and how many: what was typed, else those that the run which acts was trained under.
     fn distraction(&self, home: &Home) -> (DistractorSettings, VideoSource, Option<usize>) {
         let of_run = home.distractors.unwrap_or_default();
@@ -193,6 +219,7 @@ pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
     let folder = args.folder(&options);
     let stop = stop_on_signals()?;
     let threads = args.threads.map_or_else(cores, usize::from);
+    let policies = as_named(&options.acting);
     let run = RecordRun {
         options: &options,
         seed: args.seed,
@@ -200,7 +227,7 @@ pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
         with_mcap: !args.no_mcap,
         source: Source::Simulation,
         turn: 0.0,
-        policies: PolicyMaker::default(),
+        policies: PolicyMaker(&policies),
         stop,
     };
     record_with_progress(&folder, u64::from(options.episodes), output, |report| record(&folder, &run, report))
@@ -235,7 +262,11 @@ pub(super) fn record_with_progress(
         let returns = Returns::of(&recording);
         // Fewer episodes than were asked for are not the protocol's.
         let protocol = recording.manifest().options["protocol"].as_str().filter(|_| episodes as u64 >= wanted);
-        let said = Said { recording: folder, episodes, seconds: meter.seconds(), protocol, returns };
+        let videos = protocol.and_then(|_| {
+            let source: VideoSource = serde_json::from_value(recording.manifest().options["videos"].clone()).ok()?;
+            Some(source.name())
+        });
+        let said = Said { recording: folder, episodes, seconds: meter.seconds(), protocol, videos, returns };
         println!("{}", serde_json::to_string(&said)?);
     } else if !output.quiet {
         if rows.into_inner() == 0 {
@@ -258,6 +289,9 @@ struct Said<'a> {
     seconds: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     protocol: Option<&'a str>,
+    /// Where the videos of a protocol come from: `procedural`, or the name of a folder.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    videos: Option<String>,
     #[serde(flatten)]
     returns: Option<Returns>,
 }

@@ -38,7 +38,7 @@ pub(crate) struct BenchArgs {
     #[arg(long, default_value_t = 5)]
     repeats: usize,
     /// Measure online training too: the whole update with actor and critic, and an episode of this task.
-    #[arg(long, value_name = "TASK", num_args = 0..=1, default_missing_value = "cartpole-swingup")]
+    #[arg(long, value_name = "TASK", num_args = 0..=1, default_missing_value = "cartpole-swingup", conflicts_with = "recording")]
     online: Option<String>,
     /// With the terms that the preset's recipe adds to the paper's objective.
     #[arg(long)]

@@ -117,7 +117,7 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     let options = EvaluateOptions { probe_episodes: args.probe_episodes, ..EvaluateOptions::default() };
     if let (1.., TrainedRun::World(run), Trained::World(model), Ok(training)) = (gap_updates, &run, &trained, &training)
     {
-        check_gaps(model, training, run.info().options.length)?;
+        check_gaps(model, training, &grid, run.info().options.length)?;
     }
     let report = evaluate(trained.encoder(), &grid, to_fit, options, &device)?;
     let gaps = match (gap_updates, &run, &trained) {

@@ -49,13 +49,19 @@ fn of_world_model(context: &Context, run: &Run) -> Result<()> {
         println!("  recordings   {} ({} episodes, {} steps)", names.join(", "), info.episodes, info.steps);
     }
     println!("  checkpoints  {}", checkpoints.iter().map(u64::to_string).collect::<Vec<_>>().join(", "));
-    if let Some(protocol) = OnlineOptions::read(run.path())?.and_then(|options| options.protocol) {
-        println!("  protocol     {protocol}");
+    if let Some(online) = OnlineOptions::read(run.path())? {
+        print_protocol(&online);
     }
     if let Some(last) = rows.last() {
         print_row(last, options.updates);
     }
     Ok(())
+}
+
+fn print_protocol(options: &OnlineOptions) {
+    if let Some(protocol) = options.protocol {
+        println!("  protocol     {protocol}, videos {}", options.world.videos.name());
+    }
 }
 
 fn of_model_free(context: &Context, folder: &Folder) -> Result<()> {
@@ -74,9 +80,7 @@ fn of_model_free(context: &Context, folder: &Folder) -> Result<()> {
     println!("{}", folder.path().display());
     println!("  system       {}, {}", options.system, options.size);
     println!("  world        {}, distractors {}, seed {}", world.task, world.distractors.axes, options.seed);
-    if let Some(protocol) = options.online.protocol {
-        println!("  protocol     {protocol}");
-    }
+    print_protocol(&options.online);
     println!("  latents      {}", options.agent.latents());
     println!("  checkpoints  {}", checkpoints.iter().map(u64::to_string).collect::<Vec<_>>().join(", "));
     let number = |name: &str| metrics.last(name).unwrap_or(0.0);

@@ -54,6 +54,10 @@ impl OnlineProgress {
             options.rows_per_step,
             prepared.run.path().display()
         ));
+        let (critic, updates) = (options.critic_first, options.whole_updates(info.options.length * info.options.batch));
+        if critic >= updates {
+            self.say(&format!("the actor will not move: the critic has the first {critic} updates (--critic-first), and about {updates} are made in all"));
+        }
     }
 
     pub(crate) fn show(&mut self, event: &Event<'_>) {

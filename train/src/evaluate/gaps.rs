@@ -26,6 +26,7 @@ use vibes_model::init::normal;
 use vibes_model::mlp::{Mlp, MlpConfig};
 use vibes_model::parameters::to_values;
 
+use super::check_held_out;
 use super::rows::trajectories;
 use crate::batch::Batch;
 use crate::encode::check_fit;
@@ -130,11 +131,13 @@ struct Correctors {
     optimizers: [Optimizer; 2],
 }
 
-/// That the gaps' critic can be fitted on these recordings, in windows of `length` rows: to be known before anything is computed.
+/// That the gaps' critic can be fitted on these recordings, in windows of `length` rows, and judged on the held-out one: to be known before anything is computed.
 ///
 /// # Errors
-/// A recording does not fit the model or has no episode as long as a window.
-pub fn check_gaps(model: &Model, training: &[Recording], length: usize) -> Result<()> {
+/// A recording does not fit the model or has no episode as long as a window, or the held-out one is among those that are fitted on.
+pub fn check_gaps(model: &Model, training: &[Recording], held_out: &Recording, length: usize) -> Result<()> {
+    check_held_out(held_out, training)?;
+    check_fit(model.into(), held_out)?;
     for recording in training {
         check_fit(model.into(), recording)?;
         WindowSampler::check_length(recording, length)?;
@@ -145,7 +148,7 @@ pub fn check_gaps(model: &Model, training: &[Recording], length: usize) -> Resul
 /// Fits a critic and refits the heads, and measures both gaps.
 ///
 /// # Errors
-/// A recording does not fit the model or has no episode as long as a window.
+/// A recording does not fit the model or has no episode as long as a window, or the held-out one is among those that are fitted on.
 pub fn gaps(
     model: &Model,
     training: &[Recording],
@@ -153,8 +156,7 @@ pub fn gaps(
     options: GapOptions,
     device: &Device,
 ) -> Result<Gaps> {
-    check_gaps(model, training, options.length)?;
-    check_fit(model.into(), held_out)?;
+    check_gaps(model, training, held_out, options.length)?;
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let fixed = Model { config: model.config.clone(), world: model.world.valid(), adversary: None };
     let mut correctors = Correctors::new(&fixed, device, &mut rng)?;

@@ -6,6 +6,7 @@ use serde::Serialize;
 use super::actor::Lived;
 use super::checkpoint::OnlineState;
 use super::options::OnlineOptions;
+use super::protocol::Protocol;
 use crate::learners::behaviour::BehaviourMeasures;
 use crate::learners::behaviour::foresight::Foresight;
 use crate::metrics::Row;
@@ -13,6 +14,9 @@ use crate::metrics::Row;
 /// A line of `metrics.jsonl`: the world model's numbers, and those of a round.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Line {
+    /// The protocol whose settings the run has, if it follows one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub protocol: Option<Protocol>,
     /// Control steps lived through, action repeats counted.
     pub control_steps: u64,
     /// Agent steps lived through.
@@ -106,6 +110,7 @@ impl Round {
         let value = mean(&|measures| measures.value);
         let foresight = self.foresight;
         Line {
+            protocol: options.protocol,
             control_steps: state.control_steps,
             agent_steps: state.agent_steps,
             episodes: state.episodes,

@@ -27,6 +27,7 @@ use vibes_model::trained::TrainedAgent;
 use super::BETWEEN_SAVES;
 use super::actor::{self, ActorThread, EpisodeKind, Living, Task, episode_seed};
 use super::evaluate::{self, Evaluation};
+use super::protocol::Protocol;
 use super::unfinished;
 use crate::error::Result;
 use crate::fit::{End, Go};
@@ -83,6 +84,9 @@ pub struct State {
 /// A line of `metrics.jsonl`: one round.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Line {
+    /// The protocol whose settings the run has, if it follows one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub protocol: Option<Protocol>,
     /// Updates made.
     pub update: u64,
     /// Control steps lived through, action repeats counted.
@@ -297,6 +301,7 @@ impl Training<'_> {
         let repeat = f64::from(self.options.online.world.action_repeat);
         let target = mean(&|measures| measures.target);
         Line {
+            protocol: self.options.online.protocol,
             update: self.state.update,
             control_steps: self.state.control_steps,
             agent_steps: self.state.agent_steps,

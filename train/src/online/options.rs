@@ -165,6 +165,13 @@ impl OnlineOptions {
         self.rows_per_step / rows.max(1) as f64
     }
 
+    /// Updates that all the control steps pay for, the first ones included, when an update sees `rows` rows; the random episodes pay for none.
+    pub fn whole_updates(&self, rows: usize) -> u64 {
+        let agent_steps = self.control_steps / u64::from(self.world.action_repeat.max(1));
+        let paying = agent_steps.saturating_sub(u64::from(self.prefill) * u64::from(self.world.steps));
+        self.first_updates + (paying as f64 * self.updates_per_step(rows)) as u64
+    }
+
     /// That the values make sense.
     ///
     /// # Errors
@@ -196,11 +203,22 @@ impl OnlineOptions {
         }
     }
 
-    /// That the actor of a new run sees the short first horizon, if there is one.
+    /// That a new run comes to what was asked for: an actor that acts, and one that sees the short first horizon if there is one.
     ///
     /// # Errors
-    /// It is over before the actor moves.
-    pub fn check_short(&self) -> Result<()> {
+    /// The control steps are over before the random episodes are, or the short horizon before the actor moves.
+    pub fn check_new(&self) -> Result<()> {
+        let random = u64::from(self.prefill) * u64::from(self.world.steps) * u64::from(self.world.action_repeat);
+        if self.prefill > 0 && self.control_steps <= random {
+            let (asked, episodes) = (self.control_steps, self.prefill);
+            return Err(TrainError::Options(format!(
+                "--control-steps is {asked}, and the {episodes} random episodes before the actor's (--prefill) take {random}; it must be above that"
+            )));
+        }
+        if self.short_for > 0 && self.short_horizon == 0 {
+            let text = "--short-for has no effect without --short-horizon; leave it out, or say how short";
+            return Err(TrainError::Options(text.to_owned()));
+        }
         if self.short_horizon > 0 && self.short_for <= self.critic_first {
             let (updates, critic) = (self.short_for, self.critic_first);
             return Err(TrainError::Options(format!(
@@ -219,6 +237,7 @@ impl OnlineOptions {
             self.final_episodes = settings.final_episodes;
             self.world.distractors = settings.distractors;
             self.world.action_repeat = settings.action_repeat;
+            self.world.steps = vibes_env::EPISODE_CONTROL_STEPS.div_ceil(settings.action_repeat);
         }
     }
 
@@ -319,9 +338,14 @@ mod tests {
             ("world.steps", |options| options.world.steps = 40),
         ];
         let short = OnlineOptions { short_horizon: 5, short_for: 400, critic_first: 500, ..found.clone() };
-        assert!(short.check_short().unwrap_err().to_string().contains("--short-for is 400"));
+        assert!(short.check_new().unwrap_err().to_string().contains("--short-for is 400"));
         let short = OnlineOptions { critic_first: 300, ..short };
-        short.check_short().unwrap();
+        short.check_new().unwrap();
+        let idle = OnlineOptions { short_horizon: 0, ..short.clone() };
+        assert!(idle.check_new().unwrap_err().to_string().contains("without --short-horizon"));
+        let random = OnlineOptions { control_steps: 5000, prefill: 5, ..found.clone() };
+        assert!(random.check_new().unwrap_err().to_string().contains("take 5000"));
+        OnlineOptions { control_steps: 5001, ..random }.check_new().unwrap();
         let horizons = [0, 399, 400].map(|updates| short.behaviour_at(updates).horizon);
         assert_eq!(horizons, [5, 5, found.behaviour.horizon]);
         let endless = OnlineOptions { rows_per_step: 1e300, ..found.clone() };
@@ -375,6 +399,19 @@ mod tests {
         assert!(error.starts_with("this run has videos = "), "{error}");
         let manifest = found.world.manifest(0, &[], &after.join("runs/a/replay")).unwrap();
         assert_eq!(manifest.options["videos"]["folder"], "../../../films");
+    }
+
+    #[test]
+    fn random_episodes_pay_for_no_updates() {
+        let options = OnlineOptions {
+            control_steps: 10_000,
+            prefill: 5,
+            first_updates: 200,
+            rows_per_step: 64.0,
+            ..default_options(default_world("cartpole-swingup").unwrap(), false)
+        };
+        assert_eq!(options.whole_updates(128), 200 + (10_000 / 8 - 5 * 125) / 2);
+        assert_eq!(OnlineOptions { control_steps: 100, ..options }.whole_updates(128), 200);
     }
 
     #[test]

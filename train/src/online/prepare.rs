@@ -158,7 +158,7 @@ fn begun(path: &Path, info: RunInfo, options: &OnlineOptions) -> Result<Run> {
     check_whole(path)?;
     options.check_found(path)?;
     if OnlineOptions::read(path)?.is_none() {
-        options.check_short()?;
+        options.check_new()?;
     }
     let run = Run::create_or_open(path, info)?;
     options.keep(run.path())?;

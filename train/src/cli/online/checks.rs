@@ -22,7 +22,7 @@ impl OnlineArgs {
             Beginning::Offline | Beginning::Again(_) => self.refuse(["preset"], "where a run is gone on from")?,
         }
         match (&self.output, beginning) {
-            (Some(output), Beginning::Again(run)) if !is_same(output, run) => {
+            (Some(output), Beginning::Again(run)) if !vibes_data::is_same_place(output, run) => {
                 self.refuse(["output"], "on an online run that is there: it goes on in its own folder")
             }
             _ => Ok(()),
@@ -99,9 +99,4 @@ pub(super) enum Beginning<'a> {
     Offline,
     /// On with the run that is there.
     Again(&'a Path),
-}
-
-/// Whether two paths lead to one folder.
-fn is_same(one: &Path, other: &Path) -> bool {
-    one == other || one.canonicalize().ok().zip(other.canonicalize().ok()).is_some_and(|(one, other)| one == other)
 }

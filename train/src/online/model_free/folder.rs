@@ -111,7 +111,11 @@ impl Folder {
             return Err(other(path, "agent", "dreamer", &options.system));
         }
         checkpoints::recover(&folder)?;
-        if let Some(found) = Self::open(path)?
+        let found = Self::open(path)?;
+        if found.is_none() {
+            options.online.check_new()?;
+        }
+        if let Some(found) = found
             && let Some((key, found, asked)) = options.stored(path).first_difference(&found.options.stored(path))
         {
             return Err(other(path, &flag(&key), &found, &asked));
