@@ -74,9 +74,6 @@ pub enum TrainError {
         /// The recording.
         path: PathBuf,
     },
-    /// The grid to be evaluated on is one of the recordings that are learned from or fitted on.
-    #[error("the grid is itself among the recordings that are fitted on, so that its numbers would say nothing of new episodes; take another grid, or other recordings: {}", .0.display())]
-    NotHeldOut(PathBuf),
     /// The run to begin from holds another model.
     #[error("the model there is {found}; this run's is {wanted}; begin from a run of the same task, sizes and objective: {}", path.display())]
     OtherModel {

@@ -76,7 +76,7 @@ pub struct GridSize {
 /// Evaluates latents on a grid; the recurrent state and rewards open loop belong to a world model alone.
 ///
 /// # Errors
-/// The recording is no grid, does not fit the encoder or is itself one of the others, or the latents do not vary.
+/// The recording is no grid, or does not fit the encoder, or the latents do not vary.
 pub fn evaluate(
     encoder: TrainedEncoder<'_>,
     grid: &Recording,
@@ -87,7 +87,6 @@ pub fn evaluate(
     training.iter().chain([grid]).try_for_each(|recording| check_fit(encoder, recording))?;
     let judged = Rows::of(std::slice::from_ref(grid), usize::MAX)?;
     check_rows(&judged, grid)?;
-    check_held_out(grid, training)?;
     let fitted = Rows::of(training, options.probe_episodes)?;
     let tables = features(encoder, &judged, device)?;
     let tables_to_fit = features(encoder, &fitted, device)?;
@@ -108,22 +107,15 @@ pub fn evaluate(
 /// That latents of this encoder can be evaluated on a recording: to be known before anything is computed.
 ///
 /// # Errors
-/// The recording does not fit the encoder, is no grid, or is itself one of those that are learned from.
-pub fn check_grid(encoder: TrainedEncoder<'_>, grid: &Recording, training: &[Recording]) -> Result<()> {
+/// The recording does not fit the encoder, or is no grid.
+pub fn check_grid(encoder: TrainedEncoder<'_>, grid: &Recording) -> Result<()> {
     check_fit(encoder, grid)?;
-    check_rows(&Rows::of(std::slice::from_ref(grid), usize::MAX)?, grid)?;
-    check_held_out(grid, training)
+    check_rows(&Rows::of(std::slice::from_ref(grid), usize::MAX)?, grid)
 }
 
-/// That a grid is none of the recordings that something is fitted on, under whatever path. Other views of its states may be among them: what those share is for the reader to weigh.
-///
-/// # Errors
-/// It is one of them.
-pub fn check_held_out(grid: &Recording, training: &[Recording]) -> Result<()> {
-    if training.iter().any(|recording| is_same_place(recording.path(), grid.path())) {
-        return Err(TrainError::NotHeldOut(grid.path().to_owned()));
-    }
-    Ok(())
+/// Whether a grid is none of the recordings that something is fitted on, under whatever path. Other views of its states may be among them: what those share is for the reader to weigh.
+pub fn is_held_out(grid: &Recording, training: &[Recording]) -> bool {
+    !training.iter().any(|recording| is_same_place(recording.path(), grid.path()))
 }
 
 /// That a recording's rows are those of a grid.

@@ -126,7 +126,7 @@ pub fn fit(
     }
     if let Some(held_out) = held_out {
         // Before the first update: a grid that cannot be evaluated on.
-        check_grid((&learner.model).into(), &held_out.grid, recordings)?;
+        check_grid((&learner.model).into(), &held_out.grid)?;
     }
     listen(Event::Start { update: state.update });
     let session = Session::open(run, device, state, held_out.is_some())?;

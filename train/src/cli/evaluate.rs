@@ -13,7 +13,7 @@ use vibes_measure::probes::{Fitting, Probe};
 use vibes_model::trained::Trained;
 use vibes_train::TrainError;
 use vibes_train::evaluate::{
-    EvaluateOptions, GapOptions, Gaps, GridSize, Likelihoods, Report, check_gaps, evaluate, gaps,
+    EvaluateOptions, GapOptions, Gaps, GridSize, Likelihoods, Report, check_gaps, evaluate, gaps, is_held_out,
 };
 use vibes_train::trained::TrainedRun;
 
@@ -119,6 +119,11 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     {
         check_gaps(model, training, &grid, run.info().options.length)?;
     }
+    let fits = args.probe_episodes > 0 || gap_updates > 0;
+    let is_held_out = !fits || training.as_ref().map_or(true, |training| is_held_out(&grid, training));
+    if !is_held_out && !context.quiet {
+        warn_of_known(&grid);
+    }
     let report = evaluate(trained.encoder(), &grid, to_fit, options, &device)?;
     let gaps = match (gap_updates, &run, &trained) {
         (updates @ 1.., TrainedRun::World(run), Trained::World(model)) => {
@@ -129,7 +134,7 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     };
     let run = run.places();
     let place = |path: &Path| relative_place(path, folder);
-    let numbers = serde_json::json!({ "run": place(run.path()), "checkpoint": place(&checkpoint), "grid": place(&args.grid), "fit_on": args.fit_on.iter().map(|path| place(path)).collect::<Vec<_>>(), "gap_updates": if gaps.is_some() { gap_updates } else { 0 }, "report": report, "gaps": gaps });
+    let numbers = serde_json::json!({ "run": place(run.path()), "checkpoint": place(&checkpoint), "grid": place(&args.grid), "is_held_out": is_held_out, "fit_on": args.fit_on.iter().map(|path| place(path)).collect::<Vec<_>>(), "gap_updates": if gaps.is_some() { gap_updates } else { 0 }, "report": report, "gaps": gaps });
     let text = serde_json::to_string_pretty(&numbers)? + "\n";
     write_atomically(&output, text.as_bytes()).context("cannot write the evaluation")?;
     if context.json {
@@ -142,6 +147,14 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
         println!("written: {}", output.display());
     }
     Ok(())
+}
+
+/// Says that a grid is no new one.
+pub(crate) fn warn_of_known(grid: &Recording) {
+    let place = grid.path().display();
+    eprintln!(
+        "the grid is itself among the recordings that are fitted on, so that its numbers say nothing of new episodes: {place}"
+    );
 }
 
 fn print_report(report: &Report) {
