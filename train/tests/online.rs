@@ -11,42 +11,13 @@ use process::{assert_same, files, kill_until_done, lines, text};
 use serde_json::Value as Json;
 use vibes_data::{Recording, verify_recording};
 
-/// Episodes of 40 agent steps (80 control steps), 21 updates and a quarter an episode, three random episodes, a checkpoint every 40 updates.
-const QUICK: [&str; 18] = [
-    "--task",
-    "known-slide",
+/// Episodes of 40 agent steps (80 control steps), 21 updates and a quarter an episode, a checkpoint every 40 updates.
+const QUICK: [&str; 13] = [
     "--no-pixels",
-    "--preset",
-    "tiny",
     "--steps",
     "40",
     "--rows-per-step",
     "17",
-    "--prefill",
-    "3",
-    "--first-updates",
-    "20",
-    "--checkpoint-every",
-    "40",
-    "--evaluate-every",
-    "400",
-    "--final-episodes=3",
-];
-
-/// 30 episodes, long enough to be killed in some times.
-const LONG: [&str; 2] = ["--control-steps", "2400"];
-
-/// The same from an offline run: 25 episodes.
-const FROM_RECORDINGS: [&str; 19] = [
-    "--no-pixels",
-    "--distract",
-    "none",
-    "--steps",
-    "40",
-    "--rows-per-step",
-    "17",
-    "--critic-first",
-    "10",
     "--first-updates",
     "20",
     "--checkpoint-every",
@@ -55,16 +26,23 @@ const FROM_RECORDINGS: [&str; 19] = [
     "400",
     "--final-episodes=3",
     "--evaluation-episodes=2",
-    "--control-steps",
-    "2000",
 ];
+
+/// From nothing: three random episodes first.
+const FROM_NOTHING: [&str; 6] = ["--task", "known-slide", "--preset", "tiny", "--prefill", "3"];
+
+/// 30 episodes, long enough to be killed in some times.
+const LONG: [&str; 2] = ["--control-steps", "2400"];
+
+/// From an offline run: 25 episodes.
+const FROM_RECORDINGS: [&str; 6] = ["--distract", "none", "--critic-first", "10", "--control-steps", "2000"];
 
 /// 12 episodes.
 const WHOLE: [&str; 2] = ["--control-steps", "960"];
 
 fn command(folder: &Path, more: &[&str]) -> Command {
     let mut command = process::program();
-    command.arg("online").args(QUICK).args(["--evaluation-episodes", "2", "-o"]).arg(folder).args(more);
+    command.arg("online").args(FROM_NOTHING).args(QUICK).arg("-o").arg(folder).args(more);
     command
 }
 
@@ -162,7 +140,7 @@ fn a_run_with_recordings_is_killed_without_a_trace_too() {
     assert!(output.status.success(), "{}", text(&output));
     let go_on = |folder: &Path| {
         let mut command = process::program();
-        command.arg("online").arg(&offline).args(FROM_RECORDINGS).arg("-o").arg(folder);
+        command.arg("online").arg(&offline).args(FROM_RECORDINGS).args(QUICK).arg("-o").arg(folder);
         command
     };
     let output = go_on(&undisturbed).output().unwrap();

@@ -119,11 +119,9 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     {
         check_gaps(model, training, &grid, run.info().options.length)?;
     }
-    let fits = args.probe_episodes > 0 || gap_updates > 0;
-    let is_held_out = !fits || training.as_ref().map_or(true, |training| is_held_out(&grid, training));
-    if !is_held_out && !context.quiet {
-        warn_of_known(&grid);
-    }
+    let fits = args.probe_episodes > 0 || (gap_updates > 0 && matches!(trained, Trained::World(_)));
+    let fitted = if fits { training.as_deref().unwrap_or_default() } else { &[] };
+    let is_held_out = tell_held_out(context, &grid, fitted);
     let report = evaluate(trained.encoder(), &grid, to_fit, options, &device)?;
     let gaps = match (gap_updates, &run, &trained) {
         (updates @ 1.., TrainedRun::World(run), Trained::World(model)) => {
@@ -149,12 +147,16 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     Ok(())
 }
 
-/// Says that a grid is no new one.
-pub(crate) fn warn_of_known(grid: &Recording) {
-    let place = grid.path().display();
-    eprintln!(
-        "the grid is itself among the recordings that are fitted on, so that its numbers say nothing of new episodes: {place}"
-    );
+/// Whether a grid is a new one; where it is not, that is said.
+pub(crate) fn tell_held_out(context: &Context, grid: &Recording, fitted: &[Recording]) -> bool {
+    let is_new = is_held_out(grid, fitted);
+    if !is_new && !context.quiet {
+        let place = grid.path().display();
+        eprintln!(
+            "the grid is itself among the recordings that are fitted on, so that its numbers say nothing of new episodes: {place}"
+        );
+    }
+    is_new
 }
 
 fn print_report(report: &Report) {

@@ -7,14 +7,13 @@ use anyhow::Result;
 use clap::Args;
 use vibes_command::{Ending, Given, stop_on_signals};
 use vibes_data::Recording;
-use vibes_train::evaluate::is_held_out;
 use vibes_train::fit::{End, Event, Go, HeldOut, fit};
 use vibes_train::options::Options;
 use vibes_train::prepare::prepare;
 use vibes_train::run::Run;
 
 use super::device::DeviceArgs;
-use super::evaluate::warn_of_known;
+use super::evaluate::tell_held_out;
 use super::flags::{OptionArgs, refuse};
 use super::progress::Progress;
 use super::window_log::WindowLog;
@@ -67,11 +66,8 @@ pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
     let stop = stop_on_signals()?;
     let mut progress = Progress::new(context, &options);
     progress.describe(&run);
-    if let Some(held_out) = &held_out
-        && !is_held_out(&held_out.grid, &recordings)
-        && !context.quiet
-    {
-        warn_of_known(&held_out.grid);
+    if let Some(held_out) = &held_out {
+        tell_held_out(context, &held_out.grid, &recordings);
     }
     let mut log = args.log_windows.then(|| WindowLog::open(run.path())).transpose()?;
     let end = fit(&run, &recordings, &device, held_out.as_ref(), &mut |event| {

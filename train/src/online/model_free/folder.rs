@@ -111,14 +111,10 @@ impl Folder {
             return Err(other(path, "agent", "dreamer", &options.system));
         }
         checkpoints::recover(&folder)?;
-        let found = Self::open(path)?;
-        if found.is_none() {
-            options.online.check_new()?;
-        }
-        if let Some(found) = found
-            && let Some((key, found, asked)) = options.stored(path).first_difference(&found.options.stored(path))
-        {
-            return Err(other(path, &flag(&key), &found, &asked));
+        match Self::open(path)?.map(|found| options.stored(path).first_difference(&found.options.stored(path))) {
+            None => options.online.check_new()?,
+            Some(None) => {}
+            Some(Some((key, found, asked))) => return Err(other(path, &flag(&key), &found, &asked)),
         }
         fs::create_dir_all(path.join("checkpoints")).map_err(io("create", path))?;
         write_json(&folder.model_free_path(), &options.stored(path))?;
