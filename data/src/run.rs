@@ -44,7 +44,7 @@ pub struct RunInfo<Options = Map<String, Value>, Model = Map<String, Value>> {
     /// The run whose newest weights this one began with, if it did not begin anew; a place like those of the recordings.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub from: Option<String>,
-    /// Episodes in the recordings when the run began.
+    /// Episodes in the recordings when the run was last trained.
     pub episodes: usize,
     /// Steps of all those episodes.
     pub steps: u64,

@@ -128,19 +128,19 @@ impl Averages {
     }
 }
 
-/// Reads every whole row of a `metrics.jsonl`, those of older runs under today's names; a missing file holds none, and a run that was killed leaves a
-/// line that is none.
+/// Reads every whole row of a `metrics.jsonl`, those of older runs under today's names; a missing file holds none, a run that was killed leaves a
+/// line that is none, and an episode without updates has one that is none.
 ///
 /// # Errors
 /// The file cannot be read, or a line is not a row.
 pub fn read_rows(path: &Path) -> Result<Vec<Row>> {
     let row = |mut line: Map<String, Value>| {
-        // What was no number was written as null.
-        line.retain(|_, value| !value.is_null());
+        // What was no number was written as null, and an online run's lines name its protocol.
+        line.retain(|_, value| value.is_number());
         serde_json::from_value(Value::Object(line))
             .map_err(|error| malformed(path, error, "one JSON object of metrics a line"))
     };
-    Metrics::read(path)?.lines.into_iter().map(row).collect()
+    Metrics::read(path)?.lines.into_iter().filter(|line| line.contains_key("objective")).map(row).collect()
 }
 
 #[cfg(test)]

@@ -107,6 +107,9 @@ impl Options {
     }
 
     fn check(&self) -> Result<()> {
+        if let Some((name, value)) = self.not_finite() {
+            return Err(TrainError::Options(format!("--{name} is {value}; it must be a finite number")));
+        }
         let positive = [
             ("batch", self.batch as f64),
             ("log-every", self.log_every as f64),
@@ -123,7 +126,7 @@ impl Options {
             ("prediction-floor", self.prediction_floor),
             ("reward-floor", self.reward_floor),
         ];
-        let small = positive.iter().find(|(_, value)| value.is_nan() || *value <= 0.0);
+        let small = positive.iter().find(|(_, value)| *value <= 0.0);
         if let Some((name, value)) = small {
             return Err(TrainError::Options(format!("--{name} is {value}; it must be above 0")));
         }
@@ -142,12 +145,26 @@ impl Options {
                 self.length - 1
             )));
         }
-        let negative =
-            [("reward-scale", self.reward_scale), ("gru-update-bias", self.gru_update_bias), ("minutes", self.minutes)];
-        match negative.iter().find(|(_, value)| value.is_nan() || *value < 0.0) {
+        let negative = [
+            ("reward-scale", self.reward_scale),
+            ("gru-update-bias", self.gru_update_bias),
+            ("minutes", self.minutes),
+            ("adam-epsilon", self.adam_epsilon),
+            ("dynamics-weight", self.dynamics_weight),
+            ("dynamics-after", self.dynamics_after),
+            ("reward-weight", self.reward_weight),
+        ];
+        match negative.iter().find(|(_, value)| *value < 0.0) {
             Some((name, value)) => Err(TrainError::Options(format!("--{name} is {value}; it must be 0 or above"))),
             None => Ok(()),
         }
+    }
+
+    /// The first option that is no finite number, which no file of a run could hold.
+    fn not_finite(&self) -> Option<(String, f64)> {
+        let table = Table::try_from(self).ok()?;
+        let value = |value: &toml::Value| value.as_float().filter(|value| !value.is_finite());
+        table.iter().find_map(|(key, found)| Some((key.replace('_', "-"), value(found)?)))
     }
 
     /// The model these options ask for, for a task and its observations, and rewards that vary by a standard deviation of `reward_std`.

@@ -43,17 +43,24 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
     if let Some(from) = from {
         same_model(from, &model)?;
     }
+    let (episodes, steps) = held(recordings);
     let info = RunInfo {
         format: RUN_FORMAT.to_owned(),
         model,
         from: from.map(|from| relative_place(from, path)),
         options: options.clone(),
         recordings: recordings.iter().map(|recording| relative_place(recording.path(), path)).collect(),
-        episodes: recordings.iter().map(|recording| recording.episodes().len()).sum(),
-        steps: recordings.iter().flat_map(Recording::episodes).map(|episode| u64::from(episode.steps)).sum(),
+        episodes,
+        steps,
         versions: versions(),
     };
     Run::create_or_open(path, info)
+}
+
+/// Episodes and rows of some recordings.
+pub(crate) fn held(recordings: &[Recording]) -> (usize, u64) {
+    let episodes = recordings.iter().flat_map(Recording::episodes);
+    episodes.fold((0, 0), |(count, steps), episode| (count + 1, steps + u64::from(episode.steps)))
 }
 
 /// The options with the unit of reward as the run `from` has it: its model is gone on with.

@@ -72,6 +72,7 @@ impl State {
 pub struct Run {
     folder: RunFolder,
     info: RunInfo,
+    held_before: Option<(usize, u64)>,
     // Held while the run is written; a run that is only read has none.
     _lock: Option<Arc<FolderLock>>,
 }
@@ -86,7 +87,7 @@ impl Run {
         let lock = Some(Arc::new(FolderLock::acquire(path)?));
         if !folder.info_path().exists() && !folder.model_free_path().exists() {
             fs::create_dir_all(path.join("checkpoints")).map_err(io("create", path))?;
-            let run = Self { folder, info, _lock: lock };
+            let run = Self { folder, info, held_before: None, _lock: lock };
             run.write_info()?;
             return Ok(run);
         }
@@ -115,7 +116,9 @@ impl Run {
             let from = found.info.from.clone().unwrap_or_else(|| "nothing".to_owned());
             return Err(other("from", from, asked.clone()));
         }
-        let run = Self { folder, info: RunInfo { from: found.info.from, ..info }, _lock: lock };
+        let held = |info: &RunInfo| (info.episodes, info.steps);
+        let held_before = Some(held(&found.info)).filter(|before| *before != held(&info));
+        let run = Self { folder, info: RunInfo { from: found.info.from, ..info }, held_before, _lock: lock };
         run.write_info()?;
         Ok(run)
     }
@@ -141,12 +144,17 @@ impl Run {
             return Err(TrainError::NoWorldModel { path: path.to_owned() });
         }
         let info = folder.info()?;
-        Ok(Self { folder, info, _lock: None })
+        Ok(Self { folder, info, held_before: None, _lock: None })
     }
 
     /// What `run.json` says.
     pub fn info(&self) -> &RunInfo {
         &self.info
+    }
+
+    /// Episodes and steps that its recordings held when it was last trained, where they hold others now: what is drawn from here on is another than without that.
+    pub fn held_before(&self) -> Option<(usize, u64)> {
+        self.held_before
     }
 
     /// The folder's own name.

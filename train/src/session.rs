@@ -102,6 +102,14 @@ impl<'a> Session<'a> {
         self.events.append("train", self.state.update, line)
     }
 
+    /// Writes a line about no update into `metrics.jsonl` alone.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn note(&mut self, line: &impl Serialize) -> Result<()> {
+        Ok(self.metrics.append(line)?)
+    }
+
     /// Writes a line of evaluations.
     ///
     /// # Errors

@@ -23,11 +23,13 @@ const SHOWN: usize = 12;
 /// The numbers cannot be read or the page cannot be written.
 pub fn write_summary(run: &Run) -> Result<()> {
     let rows = read_rows(&run.metrics_path())?;
+    let control_steps = Metrics::read(&run.metrics_path())?.last("control_steps");
     let evaluations = Metrics::read(&run.evaluations_path())?.lines.into_iter().map(Json::Object).collect::<Vec<_>>();
     // The page about a run stands below online training and reads of it what lies on disk.
     let online = std::fs::read(run.path().join("online.json")).unwrap_or_default();
     let online: Json = serde_json::from_slice(&online).unwrap_or_default();
-    let page = summary(&run.name(), run.info(), online["protocol"].as_str(), &rows, &evaluations);
+    let lived = Lived { control_steps, protocol: online["protocol"].as_str() };
+    let page = summary(&run.name(), run.info(), &lived, rows.last(), &evaluations);
     Ok(write_atomically(&run.path().join("summary.md"), page.as_bytes())?)
 }
 
@@ -99,7 +101,7 @@ fn returns(page: &mut String, evaluations: &[Json]) {
     }
     push(
         page,
-        "\n## Mean return [95 % interval]\n\n| control steps | held-out videos | training videos |\n|---|---|---|",
+        "\n## Mean return [95 % interval]\n\n| control steps | episodes of each set | held-out videos | training videos |\n|---|---|---|---|",
     );
     for index in shown(evaluations.len()) {
         let line = &evaluations[index];
@@ -113,19 +115,30 @@ fn returns(page: &mut String, evaluations: &[Json]) {
             }
         };
         let cells = ["held_out", "training_videos"].map(cell);
-        push(page, &format!("| {} | {} |", line["control_steps"], cells.join(" | ")));
+        let episodes =
+            line["held_out"]["returns"].as_array().map_or("–".to_owned(), |returns| returns.len().to_string());
+        // The last evaluation of a run, or of one that went on later, has starts of its own.
+        let starts = if line["is_final"] == true { ", of other starts" } else { "" };
+        push(page, &format!("| {} | {episodes}{starts} | {} |", line["control_steps"], cells.join(" | ")));
     }
 }
 
+/// What only online training has.
+struct Lived<'a> {
+    /// Control steps, those without an update beside them too.
+    control_steps: Option<f64>,
+    protocol: Option<&'a str>,
+}
+
 /// The page.
-fn summary(name: &str, info: &RunInfo, protocol: Option<&str>, rows: &[Row], evaluations: &[Json]) -> String {
+fn summary(name: &str, info: &RunInfo, lived: &Lived<'_>, last: Option<&Row>, evaluations: &[Json]) -> String {
     let mut page = format!("# {name}\n\n");
     about(&mut page, info);
-    if let Some(protocol) = protocol {
+    if let Some(protocol) = lived.protocol {
         push(&mut page, &under(protocol, evaluations));
     }
-    if let Some(last) = rows.last() {
-        progress(&mut page, info, last);
+    if let Some(last) = last {
+        progress(&mut page, info, last, lived.control_steps);
     }
     match evaluations.last() {
         // Online training evaluates whole episodes, offline training a grid.
@@ -178,9 +191,9 @@ fn about(page: &mut String, info: &RunInfo) {
     lines.iter().for_each(|line| push(page, &format!("* {line}")));
 }
 
-fn progress(page: &mut String, info: &RunInfo, last: &Row) {
+fn progress(page: &mut String, info: &RunInfo, last: &Row, control_steps: Option<f64>) {
     // An online run goes by control steps.
-    let made = match last.stated("control_steps") {
+    let made = match control_steps {
         Some(steps) => format!("{} updates, {steps} control steps", last.update),
         None => format!("{} of {} updates", last.update, info.options.updates),
     };

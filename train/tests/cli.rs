@@ -134,6 +134,25 @@ fn train_go_on_encode_and_info() {
     assert!(String::from_utf8_lossy(&config.stdout).contains("already"), "{}", errors(&config));
 }
 
+/// A run goes on although its recording has more episodes than before, and says that what it draws is another thing now.
+#[test]
+fn a_recording_that_has_grown_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("coins");
+    let train = |updates| vibes_train(folder.path(), &["offline", "coins", "--preset", "tiny", "--updates", updates]);
+    synthetic::recording(&place, synthetic::SIDE, 4, 20, false);
+    for (updates, episodes, told) in
+        [("2", 4, None), ("3", 6, Some("6 episodes of 120 steps, and held 4 of 80")), ("4", 6, None)]
+    {
+        std::fs::remove_dir_all(&place).unwrap();
+        synthetic::recording(&place, synthetic::SIDE, episodes, 20, false);
+        let output = train(updates);
+        assert_done(&output);
+        assert_eq!(errors(&output).contains("and held"), told.is_some(), "{}", errors(&output));
+        assert!(told.is_none_or(|told| errors(&output).contains(told)), "{}", errors(&output));
+    }
+}
+
 /// The configuration of a run of any preset and objective gives that run again, though the file says nothing of its preset.
 #[test]
 fn every_saved_configuration_is_read_again() {

@@ -71,8 +71,19 @@ fn a_run_counts_in_both_units_and_leaves_a_sound_recording() {
     assert!(evaluations.iter().all(|line| line["training_videos"] == line["held_out"] && line["gap"].is_null()));
     assert!(evaluations.iter().all(|line| line["given_control_steps"].is_null()));
     assert!(!folder.join("evaluating.json").exists());
+    // Every episode has a line, and the first 20 updates have one: the random ones and the first that the actor lives through have no updates beside them.
+    let metrics = lines(&folder.join("metrics.jsonl"));
+    let returned: Vec<u64> = metrics
+        .iter()
+        .filter(|line| line["training_return"].is_f64())
+        .map(|line| line["episodes"].as_u64().unwrap())
+        .collect();
+    assert_eq!(returned, (1..=12).collect::<Vec<_>>());
+    let (learned, others): (Vec<_>, Vec<_>) = metrics.iter().partition(|line| line["objective"].is_f64());
+    assert_eq!(others.iter().map(|line| line["update"].as_u64().unwrap()).collect::<Vec<_>>(), [0, 0, 0, 20]);
+    assert!(others.iter().all(|line| line["value"].is_null()));
     // The critic learns first: the actor moves with update 101, and then in every line.
-    for line in lines(&folder.join("metrics.jsonl")) {
+    for line in learned {
         let moves = line["actor_gradient_norm"].as_f64().is_some_and(|norm| norm > 0.0);
         assert_eq!(moves, line["update"].as_u64().unwrap() > 100, "{line}");
         let bound = 2.0 / (1.0 - 0.99);
@@ -100,6 +111,7 @@ fn a_run_counts_in_both_units_and_leaves_a_sound_recording() {
     // The same command has nothing left to do.
     let again = run(&folder, &WHOLE);
     assert!(again.status.success() && text(&again).contains("already"), "{}", text(&again));
+    assert!(!text(&again).contains("video"), "nobody sees one: {}", text(&again));
     // More control steps go on from there, by the run's own name.
     let mut more = Command::new(env!("CARGO_BIN_EXE_vibes-train"));
     let more = more.arg("online").arg(&folder).args(["--control-steps", "1040"]).output().unwrap();

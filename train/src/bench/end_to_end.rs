@@ -10,7 +10,7 @@ use super::median_of_all;
 use crate::error::Result;
 use crate::fit::Go;
 use crate::online::options::{OnlineOptions, WorldOptions};
-use crate::online::{Event, Line, Setup, online, prepare};
+use crate::online::{Event, Pace, Setup, online, prepare};
 use crate::options::Options;
 
 /// Rounds that are timed.
@@ -57,19 +57,22 @@ pub(super) fn end_to_end(
     };
     let prepared = prepare::from_nothing(folder, options, asked)?;
     let setup = Setup { run: &prepared.run, options: &prepared.options, given: &prepared.given, device };
-    let mut lines = Vec::new();
+    let mut paces: Vec<Pace> = Vec::new();
     online(&setup, &mut |event| {
-        if let Event::Metrics(line) = event {
-            lines.push(line.clone());
+        // The first episode has no updates beside it.
+        if let Event::Metrics(line) = event
+            && line.learned.is_some()
+        {
+            paces.extend(line.pace);
         }
         Go::On
     })?;
-    let of = |part: fn(&Line) -> Option<f64>| median_of_all(&lines.iter().filter_map(part).collect::<Vec<_>>());
+    let of = |part: fn(&Pace) -> f64| median_of_all(&paces.iter().map(part).collect::<Vec<_>>());
     Ok(EndToEnd {
-        rounds: lines.len(),
-        control_steps_per_second: of(|line| line.control_steps_per_second),
-        waiting_for_actor_share: of(|line| line.waiting_for_actor_share),
-        acting_share: of(|line| line.acting_share),
+        rounds: paces.len(),
+        control_steps_per_second: of(|pace| pace.control_steps_per_second),
+        waiting_for_actor_share: of(|pace| pace.waiting_for_actor_share),
+        acting_share: of(|pace| pace.acting_share),
     })
 }
 

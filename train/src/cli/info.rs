@@ -53,7 +53,7 @@ fn of_world_model(context: &Context, run: &Run) -> Result<()> {
         print_protocol(&online);
     }
     if let Some(last) = rows.last() {
-        print_row(last, options.updates);
+        print_row(last, options.updates, Metrics::read(&run.metrics_path())?.last("control_steps"));
     }
     Ok(())
 }
@@ -97,9 +97,9 @@ fn of_model_free(context: &Context, folder: &Folder) -> Result<()> {
     Ok(())
 }
 
-fn print_row(row: &Row, updates: u64) {
-    // An online run goes by control steps.
-    let made = match row.stated("control_steps") {
+fn print_row(row: &Row, updates: u64, control_steps: Option<f64>) {
+    // An online run goes by control steps, some of them without an update beside them.
+    let made = match control_steps {
         Some(steps) => format!("{} in {steps} control steps", row.update),
         None => format!("{} of {updates}", row.update),
     };

@@ -14,7 +14,7 @@ use vibes_train::learners::recurrent::options::RecurrentOptions;
 use vibes_train::learners::sac::augment::Augment;
 use vibes_train::learners::sac::options::{Auxiliary, SacOptions, Size};
 use vibes_train::online::model_free::folder::{FORMAT, Folder, ModelFreeOptions};
-use vibes_train::online::model_free::{Event, model_free};
+use vibes_train::online::model_free::{Event, Line, model_free};
 use vibes_train::online::options::OnlineOptions;
 
 use super::Context;
@@ -217,14 +217,10 @@ pub(crate) fn run(context: &Context, folder: &Folder, device: DeviceArgs) -> Res
                 if is_due || context.verbose {
                     said = Some(Instant::now());
                     say(&format!(
-                        "{} of {} control steps ({} agent steps): return {:.1}, target {:.2}, critic loss {:.3}, {:.0} control steps/s",
+                        "{} of {} control steps: {}",
                         line.control_steps,
                         options.online.control_steps,
-                        line.agent_steps,
-                        line.training_return,
-                        line.target,
-                        line.critic_loss,
-                        line.control_steps_per_second
+                        summary(line)
                     ));
                 }
             }
@@ -256,4 +252,15 @@ pub(crate) fn run(context: &Context, folder: &Folder, device: DeviceArgs) -> Res
         }
     }
     Ok(if end == End::Stopped { Ending::Again } else { Ending::Done })
+}
+
+fn summary(line: &Line) -> String {
+    let said = |text: &str, value: Option<f64>, digits: usize| value.map(|value| format!(", {text}{value:.digits$}"));
+    let parts = [
+        said("target ", line.target, 2),
+        said("critic loss ", line.critic_loss, 3),
+        line.control_steps_per_second.map(|pace| format!(", {pace:.0} control steps/s")),
+    ];
+    let parts: String = parts.into_iter().flatten().collect();
+    format!("{} agent steps, return {:.1}{parts}", line.agent_steps, line.training_return)
 }

@@ -46,7 +46,7 @@ pub(crate) struct OnlineArgs {
     given: Given,
     #[command(flatten)]
     from: From,
-    /// The run folder [default: RUN-online, or runs/TASK-online-OBJECTIVE].
+    /// The run folder [default: RUN-online, or runs/TASK-online-OBJECTIVE, or runs/TASK-SYSTEM of agents without a world model].
     #[arg(short, long, value_name = "RUN")]
     output: Option<PathBuf>,
     /// Settings that numbers are published under: dcs-easy-dynamic-500k. Other settings are refused.
@@ -171,8 +171,10 @@ fn world_of(run: &Run) -> Result<WorldOptions> {
 
 /// `RUN-online` beside RUN.
 fn beside(run: &Path) -> PathBuf {
-    let whole = std::path::absolute(run).unwrap_or_else(|_unknown| run.to_owned());
-    let name = whole.file_name().map_or_else(|| "run".into(), |name| name.to_string_lossy().into_owned());
+    // A path such as `.` has no name of its own.
+    let named = if run.file_name().is_some() { Ok(run.to_owned()) } else { run.canonicalize() };
+    let run = named.unwrap_or_else(|_unknown| run.to_owned());
+    let name = run.file_name().map_or_else(|| "run".into(), |name| name.to_string_lossy().into_owned());
     run.with_file_name(format!("{name}-online"))
 }
 
@@ -192,12 +194,12 @@ pub(crate) fn run(context: &Context, args: &OnlineArgs) -> Result<Ending> {
         if stop.load(std::sync::atomic::Ordering::Relaxed) { Go::Stop } else { Go::On }
     })?;
     progress.finish();
-    report(context, run, end)?;
+    report(context, run, options, end)?;
     Ok(if end == End::Stopped { Ending::Again } else { Ending::Done })
 }
 
 #[allow(clippy::print_stdout, reason = "the command line says what it did")]
-fn report(context: &Context, run: &Run, end: End) -> Result<()> {
+fn report(context: &Context, run: &Run, options: &OnlineOptions, end: End) -> Result<()> {
     let path = run.path().display();
     let last = Metrics::read(&run.evaluations_path())?.lines.pop().map(serde_json::Value::Object);
     if context.json {
@@ -210,11 +212,12 @@ fn report(context: &Context, run: &Run, end: End) -> Result<()> {
         return Ok(());
     }
     let found = last.as_ref().and_then(|line| line["held_out"]["mean_return"].as_f64());
-    let text = found.map_or(String::new(), |mean| format!("; mean return on held-out videos {mean:.1}"));
+    let (on, set) = if options.world.has_videos() { (" on held-out videos", " --video-set val") } else { ("", "") };
+    let text = found.map_or(String::new(), |mean| format!("; mean return{on} {mean:.1}"));
     match end {
         End::Nothing => {
             println!(
-                "{path} has lived through its control steps, or its minutes, already{text}; ask for more with --control-steps N or --minutes M, or evaluate it anew: vibes-collect --policy {path} --episodes N --video-set val"
+                "{path} has lived through its control steps, or its minutes, already{text}; ask for more with --control-steps N or --minutes M, or evaluate it anew: vibes-collect --policy {path} --episodes N{set}"
             );
         }
         End::Updates => println!("done{text}; next: vibes-collect --policy {path} --grid 10x10"),
@@ -225,4 +228,23 @@ fn report(context: &Context, run: &Run, end: End) -> Result<()> {
         End::Stopped => println!("stopped and saved{text}; the same command goes on from there: {path}"),
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_online_run_lies_beside_the_run_it_goes_on_from() {
+        assert_eq!(beside(Path::new("runs/reacher")), Path::new("runs/reacher-online"));
+        let folder = tempfile::tempdir().unwrap();
+        let whole = folder.path().canonicalize().unwrap();
+        let inside = whole.join("reacher");
+        std::fs::create_dir_all(inside.join("checkpoints")).unwrap();
+        assert_eq!(
+            beside(&inside.join("checkpoints/..")),
+            whole.join("reacher-online"),
+            "a path without a name of its own"
+        );
+    }
 }

@@ -10,6 +10,7 @@ use vibes_train::online::prepare::Prepared;
 use vibes_train::online::{Event, Line};
 
 use super::Context;
+use super::progress::other_steps;
 
 /// Time between plain lines.
 const PLAIN_EVERY: Duration = Duration::from_secs(15);
@@ -54,7 +55,13 @@ impl OnlineProgress {
             options.rows_per_step,
             prepared.run.path().display()
         ));
-        let (critic, updates) = (options.critic_first, options.whole_updates(info.options.length * info.options.batch));
+        if let Some(text) = other_steps(&prepared.run) {
+            self.say(&text);
+        }
+        let (critic, updates) = (
+            options.critic_first,
+            options.whole_updates(info.options.length * info.options.batch, !prepared.given.is_empty()),
+        );
         if critic >= updates {
             self.say(&format!("the actor will not move: the critic has the first {critic} updates (--critic-first), and about {updates} are made in all"));
         }
@@ -108,17 +115,20 @@ pub(crate) fn protocol_of(last: Option<&serde_json::Value>) -> Option<&str> {
 
 fn summary(line: &Line) -> String {
     let returned = line.training_return.map_or(String::new(), |returned| format!(", return {returned:.1}"));
-    let pace = line.control_steps_per_second.map_or(String::new(), |pace| format!(", {pace:.0} control steps/s"));
-    format!(
-        "{} agent steps{pace}{returned}, imagined {:.1}, value/bound {:.2}, entropy {:.2}, dynamics {:.1}, reward {:.2}, rank {:.1}",
-        line.agent_steps,
-        line.imagined_return,
-        line.value_over_bound,
-        line.entropy,
-        line.world.dynamics_log_likelihood,
-        line.world.reward_log_likelihood,
-        line.world.batch_effective_rank,
-    )
+    let pace =
+        line.pace.map_or(String::new(), |pace| format!(", {:.0} control steps/s", pace.control_steps_per_second));
+    let learned = line.learned.as_ref().map_or(String::new(), |learned| {
+        format!(
+            ", imagined {:.1}, value/bound {:.2}, entropy {:.2}, dynamics {:.1}, reward {:.2}, rank {:.1}",
+            learned.imagined_return,
+            learned.value_over_bound,
+            learned.entropy,
+            learned.world.dynamics_log_likelihood,
+            learned.world.reward_log_likelihood,
+            learned.world.batch_effective_rank,
+        )
+    });
+    format!("{} agent steps{pace}{returned}{learned}", line.agent_steps)
 }
 
 fn evaluated(evaluation: &Evaluation) -> String {

@@ -25,6 +25,15 @@ const TOLD: [&str; 7] = [
     "open_loop_reward_r2_persistence@10",
 ];
 
+/// That the recordings of a run that is gone on with are no longer what they were.
+pub(crate) fn other_steps(run: &Run) -> Option<String> {
+    let (info, (episodes, steps)) = (run.info(), run.held_before()?);
+    Some(format!(
+        "its recordings hold {} episodes of {} steps, and held {episodes} of {steps} when it was trained before: batches are drawn from what is there now",
+        info.episodes, info.steps
+    ))
+}
+
 pub(crate) struct Progress {
     quiet: bool,
     verbose: bool,
@@ -63,6 +72,9 @@ impl Progress {
             options.length,
             run.path().display()
         ));
+        if let Some(text) = other_steps(run) {
+            self.say(&text);
+        }
     }
 
     pub(crate) fn show(&mut self, event: &Event<'_>) {

@@ -141,7 +141,10 @@ fn status(context: &Context, elements: &[Element]) -> Result<Ending> {
         return Ok(Ending::Done);
     }
     let width = all.iter().map(|status| status.name.len()).max().unwrap_or(3).max(3);
-    println!("{:>5}  {:<width$}  state    stages  updates        objective   left    last change", "index", "run");
+    println!(
+        "{:>5}  {:<width$}  state    stages  made of all                   objective  left    last change",
+        "index", "run"
+    );
     for status in &all {
         println!("{}", row(status, width));
     }
@@ -161,14 +164,17 @@ fn status(context: &Context, elements: &[Element]) -> Result<Ending> {
 fn row(status: &Status, width: usize) -> String {
     let dash = || "–".to_owned();
     let number = |value: Option<u64>| value.map_or_else(dash, |value| value.to_string());
-    let updates = format!("{}/{}", number(status.update), number(status.updates));
+    let made = match status.control_steps_asked {
+        Some(asked) => format!("{}/{asked} control steps", number(status.control_steps)),
+        None => format!("{}/{} updates", number(status.update), number(status.updates)),
+    };
     let objective = status.objective.map_or_else(dash, |value| format!("{value:.3}"));
     let time = |seconds: Option<f64>| seconds.map_or_else(dash, short_time);
     let state = format!("{:?}", status.state).to_lowercase();
     let left = if status.state == State::Running { time(status.seconds_left) } else { dash() };
     let note = status.note.as_ref().map_or_else(String::new, |note| format!("  {note}"));
     format!(
-        "{:>5}  {:<width$}  {state:<7}  {}/{:<4}  {updates:<13}  {objective:<9}  {left:<6}  {}{note}",
+        "{:>5}  {:<width$}  {state:<7}  {}/{:<4}  {made:<28}  {objective:<9}  {left:<6}  {}{note}",
         status.index,
         status.name,
         status.stages.0,

@@ -62,6 +62,7 @@ pub(super) struct Resumed {
 
 const BEHAVIOUR: &str = "behaviour.safetensors";
 const GUARD: &str = "guard.safetensors";
+const WORLD_MOMENTS: &str = "optimizer.safetensors";
 const MOMENTS: &str = "behaviour_optimizer.safetensors";
 const STATE: &str = "online.json";
 
@@ -91,22 +92,30 @@ pub(super) fn check_whole(run: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Takes up the newest checkpoint; none in a run without one.
+/// Takes up the newest checkpoint, with its guard if the run `is_guarded`; none in a run without one.
 ///
 /// # Errors
 /// [`TrainError`]: a file is missing or damaged.
-pub(super) fn resume(run: &Run, device: &Device) -> Result<Option<Resumed>> {
+pub(super) fn resume(run: &Run, is_guarded: bool, device: &Device) -> Result<Option<Resumed>> {
     let Some((learner, world)) = run.resume(device)? else { return Ok(None) };
-    checkpoints::newest(run.places(), |folder| take_up(run, learner, world, folder, device))
+    checkpoints::newest(run.places(), |folder| take_up(run, (learner, world), folder, is_guarded, device))
 }
 
-fn take_up(run: &Run, learner: Learner, world: State, folder: &Path, device: &Device) -> Result<Resumed> {
+fn take_up(
+    run: &Run,
+    (learner, world): (Learner, State),
+    folder: &Path,
+    is_guarded: bool,
+    device: &Device,
+) -> Result<Resumed> {
+    // Kept copies lack it, which are not gone on with.
+    let world_moments = folder.join(WORLD_MOMENTS);
+    std::fs::metadata(&world_moments).map_err(io("read", &world_moments))?;
     let file = folder.join(STATE);
     let text = std::fs::read_to_string(&file).map_err(io("read", &file))?;
     let online: OnlineState = serde_json::from_str(&text)
         .map_err(|error| malformed(&file, error, "an online.json as `vibes-train online` writes it"))?;
     let behaviour = Behaviour::load(&folder.join(BEHAVIOUR), &run.info().model, device)?;
-    let is_guarded = folder.join(GUARD).is_file();
     let guard = is_guarded.then(|| Guard::load(&folder.join(GUARD), &run.info().model, device)).transpose()?;
     let mut behaviour = BehaviourLearner::new(behaviour, device).guarded(guard);
     let (moments, _) = load_tensors(&folder.join(MOMENTS))?;

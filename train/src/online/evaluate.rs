@@ -5,9 +5,9 @@
 use std::path::Path;
 
 use serde::Serialize;
-use vibes_data::write_atomically;
 use vibes_env::videos::VideoSet;
 use vibes_measure::returns::mean_return;
+use vibes_model::ObservationKind;
 use vibes_model::actions::Choice;
 use vibes_model::player::Player;
 use vibes_model::trained::TrainedAgent;
@@ -16,8 +16,9 @@ use super::actor::{ActorThread, EpisodeKind, Task, episode_seed};
 use super::options::OnlineOptions;
 use super::protocol::Protocol;
 use super::unfinished::{Unfinished, Which};
-use crate::error::{Result, io};
+use crate::error::Result;
 use crate::fit::Go;
+use crate::json::keep_lines;
 
 /// Where a run stood.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
@@ -129,8 +130,9 @@ pub fn evaluate(
         Returns::of(lived[..lived.len().min(count as usize)].to_vec()).map(Some)
     };
     let Some(held_out) = returns(VideoSet::Val)? else { return Ok(None) };
-    // Where nobody sees a video the episodes of the two sets are the same.
-    let has_videos = options.world.pictures().is_some() && options.world.distractors.axes.background;
+    // Where nobody sees a video the episodes of the two sets are the same; an agent may look at the numbers of a world that is drawn.
+    let has_eyes = matches!(agent.observation(), ObservationKind::Pixels { .. });
+    let has_videos = has_eyes && options.world.has_videos();
     let training_videos = if has_videos { returns(VideoSet::Train)? } else { Some(held_out.clone()) };
     let Some(training_videos) = training_videos else { return Ok(None) };
     let gap = has_videos.then(|| Gap::between(&training_videos, &held_out)).transpose()?;
@@ -146,21 +148,11 @@ pub fn evaluate(
 /// # Errors
 /// The file cannot be read or written.
 pub(super) fn drop_beyond(path: &Path, next: u64, control_steps: u64, finished: bool) -> Result<()> {
-    let text = match std::fs::read_to_string(path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(io("read", path)(error)),
-    };
-    let is_kept = |line: &&str| {
-        let line: Option<serde_json::Value> = serde_json::from_str(line).ok();
-        line.is_some_and(|line| {
-            let is_unsaved = !finished && line["is_final"] == true;
-            let end = if is_unsaved { next.min(control_steps) } else { next };
-            line["control_steps"].as_u64().is_some_and(|steps| steps < end)
-        })
-    };
-    let kept: String = text.lines().filter(is_kept).flat_map(|line| [line, "\n"]).collect();
-    Ok(write_atomically(path, kept.as_bytes())?)
+    keep_lines(path, |line| {
+        let is_unsaved = !finished && line["is_final"] == true;
+        let end = if is_unsaved { next.min(control_steps) } else { next };
+        line["control_steps"].as_u64().is_some_and(|steps| steps < end)
+    })
 }
 
 #[cfg(test)]

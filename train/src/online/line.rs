@@ -1,5 +1,7 @@
 //! A line of an online run's `metrics.jsonl`. In: what the updates of a round measured, the episode that was lived through meanwhile, and the counters.
-//! Out: their means as one line.
+//! Out: their means as one line; and the lines that a run which was stopped goes on after.
+
+use std::path::Path;
 
 use serde::Serialize;
 
@@ -7,11 +9,13 @@ use super::actor::Lived;
 use super::checkpoint::OnlineState;
 use super::options::OnlineOptions;
 use super::protocol::Protocol;
+use crate::error::Result;
+use crate::json::keep_lines;
 use crate::learners::behaviour::BehaviourMeasures;
 use crate::learners::behaviour::foresight::Foresight;
 use crate::metrics::Row;
 
-/// A line of `metrics.jsonl`: the world model's numbers, and those of a round.
+/// A line of `metrics.jsonl`: an episode, the updates that were made meanwhile, or both.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Line {
     /// The protocol whose settings the run has, if it follows one.
@@ -26,6 +30,20 @@ pub struct Line {
     /// Return of the episode admitted at the end of the round, exploration included; none for the updates before the first episode.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub training_return: Option<f64>,
+    /// Updates made, where none was made in this round; otherwise their number stands in what was learned.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub update: Option<u64>,
+    /// What was learned; none for random episodes and for rounds that no whole update was paid for.
+    #[serde(flatten)]
+    pub learned: Option<Learned>,
+    /// How fast it went; none for random episodes and for the updates before the first episode.
+    #[serde(flatten)]
+    pub pace: Option<Pace>,
+}
+
+/// What the updates of a round measured: the world model's numbers, and those of actor and critic.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Learned {
     /// The world model.
     #[serde(flatten)]
     pub world: Row,
@@ -59,15 +77,28 @@ pub struct Line {
     /// Correlation of the two over windows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub foresight: Option<f64>,
-    /// Control steps a second, end to end; this and what follows are none for the updates before the first episode.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub control_steps_per_second: Option<f64>,
+}
+
+/// How fast a round went.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Pace {
+    /// Control steps a second, end to end.
+    pub control_steps_per_second: f64,
     /// Share of the round that the learner waited for the actor's thread.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub waiting_for_actor_share: Option<f64>,
+    pub waiting_for_actor_share: f64,
     /// Share of the round that the actor's thread was at work.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub acting_share: Option<f64>,
+    pub acting_share: f64,
+}
+
+impl Pace {
+    /// Of a round that took `seconds`, of which the learner `waited` for the episode that was lived through.
+    pub(super) fn of(lived: Lived, action_repeat: u32, seconds: f64, waited: f64) -> Self {
+        Self {
+            control_steps_per_second: f64::from(lived.steps) * f64::from(action_repeat) / seconds,
+            waiting_for_actor_share: waited / seconds,
+            acting_share: lived.seconds / seconds,
+        }
+    }
 }
 
 /// Sums over the updates of a round.
@@ -77,25 +108,31 @@ pub(super) struct Round {
     pub(super) foresight: Option<Foresight>,
 }
 
-/// How long a round took, and the episode that was lived through in it.
-pub(super) struct Time {
-    /// None for the updates before the first episode.
-    pub(super) lived: Option<Lived>,
-    /// Seconds of the whole round.
-    pub(super) seconds: f64,
-    /// Seconds that the learner waited for the actor's thread.
-    pub(super) waited: f64,
-}
-
-impl Time {
-    /// Of updates without an episode.
-    pub(super) const NONE: Self = Self { lived: None, seconds: 1.0, waited: 0.0 };
+impl Line {
+    /// The counters as they stand, the episode that was admitted last, and what else there is.
+    pub(super) fn new(
+        (state, options): (&OnlineState, &OnlineOptions),
+        training_return: Option<f64>,
+        update: u64,
+        learned: Option<Learned>,
+        pace: Option<Pace>,
+    ) -> Self {
+        Self {
+            protocol: options.protocol,
+            control_steps: state.control_steps,
+            agent_steps: state.agent_steps,
+            episodes: state.episodes,
+            training_return,
+            update: learned.is_none().then_some(update),
+            learned,
+            pace,
+        }
+    }
 }
 
 impl Round {
-    /// The numbers of this round.
-    pub(super) fn line(&self, world: Row, state: &OnlineState, options: &OnlineOptions, time: Time) -> Line {
-        let Time { lived, seconds, waited } = time;
+    /// What it measured, beside the world model's numbers.
+    pub(super) fn learned(&self, world: Row, options: &OnlineOptions) -> Learned {
         let count = self.measures.len() as f64;
         let mean = |of: &dyn Fn(&BehaviourMeasures) -> f32| {
             self.measures.iter().map(|measures| f64::from(of(measures))).sum::<f64>() / count
@@ -105,16 +142,10 @@ impl Round {
             of.try_fold(0.0, |sum, apart| apart.map(|apart| sum + f64::from(apart[place]) / count))
         };
         let norms: Vec<f32> = self.measures.iter().filter_map(|measures| measures.actor_gradient_norm).collect();
-        let repeat = f64::from(options.world.action_repeat);
-        let bound = repeat / (1.0 - options.behaviour.discount).max(1e-6);
+        let bound = f64::from(options.world.action_repeat) / (1.0 - options.behaviour.discount).max(1e-6);
         let value = mean(&|measures| measures.value);
         let foresight = self.foresight;
-        Line {
-            protocol: options.protocol,
-            control_steps: state.control_steps,
-            agent_steps: state.agent_steps,
-            episodes: state.episodes,
-            training_return: lived.map(|lived| lived.episode_return),
+        Learned {
             world,
             imagined_return: mean(&|measures| measures.imagined_return),
             value,
@@ -130,9 +161,14 @@ impl Round {
             foreseen_reward: foresight.map_or(0.0, |foresight| foresight.imagined),
             recorded_reward: foresight.map_or(0.0, |foresight| foresight.recorded),
             foresight: foresight.and_then(|foresight| foresight.correlation),
-            control_steps_per_second: lived.map(|lived| f64::from(lived.steps) * repeat / seconds),
-            waiting_for_actor_share: lived.map(|_| waited / seconds),
-            acting_share: lived.map(|lived| lived.seconds / seconds),
         }
     }
+}
+
+/// Drops lines of episodes that a stopped run lived through after its last checkpoint, at `control_steps`. Their updates do not tell: a round may have none.
+///
+/// # Errors
+/// The file cannot be read or written.
+pub(super) fn drop_lived_beyond(path: &Path, control_steps: u64) -> Result<()> {
+    keep_lines(path, |line| line["control_steps"].as_u64().is_some_and(|steps| steps <= control_steps))
 }

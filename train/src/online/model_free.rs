@@ -24,11 +24,11 @@ use vibes_model::actions::Choice;
 use vibes_model::player::Player;
 use vibes_model::trained::TrainedAgent;
 
-use super::BETWEEN_SAVES;
 use super::actor::{self, ActorThread, EpisodeKind, Living, Task, episode_seed};
 use super::evaluate::{self, Evaluation};
 use super::protocol::Protocol;
-use super::unfinished;
+use super::training::BETWEEN_SAVES;
+use super::{line, unfinished};
 use crate::error::Result;
 use crate::fit::{End, Go};
 use crate::learners::model_free::ModelFreeLearner;
@@ -81,7 +81,7 @@ pub struct State {
     pub seconds: f64,
 }
 
-/// A line of `metrics.jsonl`: one round.
+/// A line of `metrics.jsonl`: one episode, and the updates that were made meanwhile, if any were.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Line {
     /// The protocol whose settings the run has, if it follows one.
@@ -98,11 +98,14 @@ pub struct Line {
     /// Return of the episode admitted at the end of the round, exploration included.
     pub training_return: f64,
     /// Mean of the critics' loss over the round's updates.
-    pub critic_loss: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub critic_loss: Option<f64>,
     /// Mean of the targets.
-    pub target: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target: Option<f64>,
     /// That over what rewards of 1 a control step for ever are worth: above 1 something is wrong.
-    pub target_over_bound: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target_over_bound: Option<f64>,
     /// Mean of the auxiliary loss.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub auxiliary_loss: Option<f64>,
@@ -110,9 +113,11 @@ pub struct Line {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub entropy: Option<f64>,
     /// Weight of entropy.
-    pub temperature: f64,
-    /// Control steps a second, end to end.
-    pub control_steps_per_second: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<f64>,
+    /// Control steps a second, end to end; none for random episodes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control_steps_per_second: Option<f64>,
 }
 
 /// Trains until the control steps are lived through and the last evaluation is made, or the listener stops it; goes on from the newest checkpoint.
@@ -158,6 +163,7 @@ pub(super) fn model_free_living(
     listen(Event::Start { control_steps: state.control_steps });
     let evaluations = folder.places().evaluations_path();
     evaluate::drop_beyond(&evaluations, state.next_evaluation, state.control_steps, was_finished)?;
+    line::drop_lived_beyond(&folder.places().metrics_path(), state.control_steps)?;
     let metrics = MetricsFile::open(&folder.places().metrics_path(), state.update)?;
     let evaluations = MetricsFile::open(&evaluations, state.update)?;
     std::thread::scope(|scope| {
@@ -189,11 +195,15 @@ struct Training<'a> {
 impl Training<'_> {
     fn run(&mut self, mut learner: ModelFreeLearner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
         while self.state.episodes < self.options.online.prefill.max(1) {
-            let steps = match self.replay.next_written()? {
-                Some((steps, _)) => steps,
-                None => self.acting.live(self.task(None, "random".to_owned()))?.steps,
+            let (steps, episode_return) = match self.replay.next_written()? {
+                Some(found) => found,
+                None => {
+                    let lived = self.acting.live(self.task(None, "random".to_owned()))?;
+                    (lived.steps, lived.episode_return)
+                }
             };
             self.admit(steps)?;
+            self.metrics.append(&self.line(&[], episode_return, None))?;
             if listen(Event::Admitted) == Go::Stop {
                 return Ok(End::Stopped);
             }
@@ -215,7 +225,7 @@ impl Training<'_> {
             self.admit(lived.steps)?;
             let seconds = begun.elapsed().as_secs_f64();
             self.state.seconds += seconds;
-            let line = self.line(&round, lived.episode_return, f64::from(lived.steps) / seconds);
+            let line = self.line(&round, lived.episode_return, Some(f64::from(lived.steps) / seconds));
             self.metrics.append(&line)?;
             let is_stopped = [go, listen(Event::Lived(&line))].contains(&Go::Stop);
             let is_due = self.state.episodes.is_multiple_of(self.options.save_every.max(1));
@@ -292,12 +302,12 @@ impl Training<'_> {
         })
     }
 
-    fn line(&self, round: &[SacMeasures], training_return: f64, agent_steps_per_second: f64) -> Line {
+    fn line(&self, round: &[SacMeasures], training_return: f64, agent_steps_per_second: Option<f64>) -> Line {
         let mean_some = |of: &dyn Fn(&SacMeasures) -> Option<f32>| {
             let values: Vec<f64> = round.iter().filter_map(of).map(f64::from).collect();
             (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
         };
-        let mean = |of: &dyn Fn(&SacMeasures) -> f32| mean_some(&|measures| Some(of(measures))).unwrap_or(0.0);
+        let mean = |of: &dyn Fn(&SacMeasures) -> f32| mean_some(&|measures| Some(of(measures)));
         let repeat = f64::from(self.options.online.world.action_repeat);
         let target = mean(&|measures| measures.target);
         Line {
@@ -309,11 +319,11 @@ impl Training<'_> {
             training_return,
             critic_loss: mean(&|measures| measures.critic_loss),
             target,
-            target_over_bound: target * (1.0 - self.options.agent.discount()) / repeat,
+            target_over_bound: target.map(|target| target * (1.0 - self.options.agent.discount()) / repeat),
             auxiliary_loss: mean_some(&|measures| measures.auxiliary_loss),
             entropy: mean_some(&|measures| measures.entropy),
             temperature: mean(&|measures| measures.temperature),
-            control_steps_per_second: agent_steps_per_second * repeat,
+            control_steps_per_second: agent_steps_per_second.map(|steps| steps * repeat),
         }
     }
 

@@ -165,11 +165,16 @@ impl OnlineOptions {
         self.rows_per_step / rows.max(1) as f64
     }
 
+    /// Random episodes at the beginning: where no recordings are given one at least, since there is nothing else to learn from.
+    fn random_episodes(&self, is_given: bool) -> u64 {
+        u64::from(if is_given { self.prefill } else { self.prefill.max(1) })
+    }
+
     /// Updates that all the control steps pay for, the first ones included, when an update sees `rows` rows; the random episodes pay for none.
-    pub fn whole_updates(&self, rows: usize) -> u64 {
+    pub fn whole_updates(&self, rows: usize, is_given: bool) -> u64 {
         let agent_steps = self.control_steps / u64::from(self.world.action_repeat.max(1));
-        let paying = agent_steps.saturating_sub(u64::from(self.prefill) * u64::from(self.world.steps));
-        self.first_updates + (paying as f64 * self.updates_per_step(rows)) as u64
+        let paying = agent_steps.saturating_sub(self.random_episodes(is_given) * u64::from(self.world.steps));
+        self.first_updates.saturating_add((paying as f64 * self.updates_per_step(rows)) as u64)
     }
 
     /// That the values make sense.
@@ -203,14 +208,15 @@ impl OnlineOptions {
         }
     }
 
-    /// That a new run comes to what was asked for: an actor that acts, and one that sees the short first horizon if there is one.
+    /// That a new run, with or without recordings given, comes to what was asked for: an actor that acts, and one that sees the short first horizon if there is one.
     ///
     /// # Errors
     /// The control steps are over before the random episodes are, or the short horizon before the actor moves.
-    pub fn check_new(&self) -> Result<()> {
-        let random = u64::from(self.prefill) * u64::from(self.world.steps) * u64::from(self.world.action_repeat);
-        if self.prefill > 0 && self.control_steps <= random {
-            let (asked, episodes) = (self.control_steps, self.prefill);
+    pub fn check_new(&self, is_given: bool) -> Result<()> {
+        let episodes = self.random_episodes(is_given);
+        let random = episodes * u64::from(self.world.steps) * u64::from(self.world.action_repeat);
+        if episodes > 0 && self.control_steps <= random {
+            let asked = self.control_steps;
             return Err(TrainError::Options(format!(
                 "--control-steps is {asked}, and the {episodes} random episodes before the actor's (--prefill) take {random}; it must be above that"
             )));
@@ -338,14 +344,20 @@ mod tests {
             ("world.steps", |options| options.world.steps = 40),
         ];
         let short = OnlineOptions { short_horizon: 5, short_for: 400, critic_first: 500, ..found.clone() };
-        assert!(short.check_new().unwrap_err().to_string().contains("--short-for is 400"));
+        assert!(short.check_new(false).unwrap_err().to_string().contains("--short-for is 400"));
         let short = OnlineOptions { critic_first: 300, ..short };
-        short.check_new().unwrap();
+        short.check_new(false).unwrap();
         let idle = OnlineOptions { short_horizon: 0, ..short.clone() };
-        assert!(idle.check_new().unwrap_err().to_string().contains("without --short-horizon"));
+        assert!(idle.check_new(false).unwrap_err().to_string().contains("without --short-horizon"));
         let random = OnlineOptions { control_steps: 5000, prefill: 5, ..found.clone() };
-        assert!(random.check_new().unwrap_err().to_string().contains("take 5000"));
-        OnlineOptions { control_steps: 5001, ..random }.check_new().unwrap();
+        assert!(random.check_new(false).unwrap_err().to_string().contains("take 5000"));
+        let none = OnlineOptions { prefill: 0, control_steps: 1000, ..random.clone() };
+        assert!(
+            none.check_new(false).unwrap_err().to_string().contains("the 1 random episodes"),
+            "one is lived through anyway"
+        );
+        none.check_new(true).unwrap();
+        OnlineOptions { control_steps: 5001, ..random }.check_new(false).unwrap();
         let horizons = [0, 399, 400].map(|updates| short.behaviour_at(updates).horizon);
         assert_eq!(horizons, [5, 5, found.behaviour.horizon]);
         let endless = OnlineOptions { rows_per_step: 1e300, ..found.clone() };
@@ -410,8 +422,10 @@ mod tests {
             rows_per_step: 64.0,
             ..default_options(default_world("cartpole-swingup").unwrap(), false)
         };
-        assert_eq!(options.whole_updates(128), 200 + (10_000 / 8 - 5 * 125) / 2);
-        assert_eq!(OnlineOptions { control_steps: 100, ..options }.whole_updates(128), 200);
+        assert_eq!(options.whole_updates(128, false), 200 + (10_000 / 8 - 5 * 125) / 2);
+        assert_eq!(OnlineOptions { prefill: 0, ..options.clone() }.whole_updates(128, true), 200 + 10_000 / 8 / 2);
+        assert_eq!(OnlineOptions { first_updates: u64::MAX, ..options.clone() }.whole_updates(128, false), u64::MAX);
+        assert_eq!(OnlineOptions { control_steps: 100, ..options }.whole_updates(128, false), 200);
     }
 
     #[test]

@@ -14,7 +14,7 @@ use super::options::{OnlineOptions, WorldOptions};
 use crate::error::{Result, TrainError};
 use crate::learners::behaviour::BehaviourOptions;
 use crate::options::Options;
-use crate::prepare::{observations_of, same_model};
+use crate::prepare::{held, observations_of, same_model};
 use crate::run::{Run, RunInfo, versions};
 use crate::settings::Observations;
 
@@ -123,14 +123,15 @@ pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions
     // The unit of reward stays as the run has it.
     let wanted = ModelConfig { reward_scale: found.reward_scale, reward_floor: found.reward_floor, ..made };
     same_model(from.path(), &wanted)?;
+    let (episodes, steps) = held(&given);
     let info = RunInfo {
         format: RUN_FORMAT.to_owned(),
         model: wanted,
         from: Some(relative_place(from.path(), path)),
         options: model.clone(),
         recordings: given.iter().map(|recording| relative_place(recording.path(), path)).collect(),
-        episodes: given.iter().map(|recording| recording.episodes().len()).sum(),
-        steps: given.iter().flat_map(Recording::episodes).map(|episode| u64::from(episode.steps)).sum(),
+        episodes,
+        steps,
         versions: versions(),
     };
     Ok(Prepared { run: begun(path, info, &options)?, options, given })
@@ -146,7 +147,8 @@ pub fn again(path: &Path, model: &Options, options: OnlineOptions) -> Result<Pre
     check_whole(path)?;
     let found = Run::open(path)?;
     let given = found.open_recordings()?;
-    let info = RunInfo { options: model.clone(), ..found.info().clone() };
+    let (episodes, steps) = held(&given);
+    let info = RunInfo { options: model.clone(), episodes, steps, ..found.info().clone() };
     Ok(Prepared { run: begun(path, info, &options)?, options, given })
 }
 
@@ -158,7 +160,7 @@ fn begun(path: &Path, info: RunInfo, options: &OnlineOptions) -> Result<Run> {
     check_whole(path)?;
     options.check_found(path)?;
     if OnlineOptions::read(path)?.is_none() {
-        options.check_new()?;
+        options.check_new(!info.recordings.is_empty())?;
     }
     let run = Run::create_or_open(path, info)?;
     options.keep(run.path())?;

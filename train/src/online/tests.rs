@@ -6,12 +6,16 @@ use std::path::Path;
 use vibes_data::{RunFolder, verify_recording};
 use vibes_env::distractors::{Axes, DistractorSettings};
 use vibes_env::{Trained, rollout_frames};
+use vibes_model::actions::Choice;
+use vibes_model::player::Player;
+use vibes_model::trained::TrainedAgent;
 
-use super::actor::Lived;
+use super::actor::{EpisodeKind, Lived, Task, episode_seed};
 use super::model_free::folder::{FORMAT, Folder, ModelFreeOptions};
 use super::model_free::model_free_living;
 use super::prepare::Prepared;
 use super::*;
+use crate::error::TrainError;
 use crate::learners::model_free::AgentOptions;
 use crate::learners::sac::options::{SacOptions, Size};
 use crate::options::Options;
@@ -343,4 +347,62 @@ fn the_last_evaluation_is_what_the_saved_agent_does_in_the_one_loop() {
     let seed = episode_seed(tiny().seed, EpisodeKind::Final, 0);
     let (_, episode) = rollout_frames(&mut eyes, &mut policy, world.steps, seed.into()).unwrap();
     assert_eq!(line["held_out"]["returns"][0].as_f64(), Some(episode.episode_return()), "{line}");
+}
+
+/// A protocol is named in every line, which the pages about a run must be able to read; it is put in here after the check that would refuse such a short run.
+#[test]
+fn a_run_under_a_protocol_is_saved_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let prepared = prepare::from_nothing(&path, &tiny(), options()).unwrap();
+    let options = OnlineOptions { protocol: Some(protocol::Protocol::DcsEasyDynamic500k), ..prepared.options };
+    let setup = Setup { run: &prepared.run, options: &options, given: &prepared.given, device: &Device::flex() };
+    assert_eq!(online(&setup, &mut |_| Go::On).unwrap(), End::Updates);
+    let rows = crate::metrics::read_rows(&path.join("metrics.jsonl")).unwrap();
+    assert!(rows.len() > 2 && rows.iter().all(|row| row.objective.is_finite()), "{rows:?}");
+    let text = std::fs::read_to_string(path.join("metrics.jsonl")).unwrap();
+    assert!(text.lines().all(|line| line.contains("\"protocol\":\"dcs-easy-dynamic-500k\"")), "{text}");
+    let page = std::fs::read_to_string(path.join("summary.md")).unwrap();
+    assert!(page.contains("320 control steps") && page.contains("| 1, of other starts |"), "{page}");
+}
+
+/// An agent that looks at numbers sees no video, also where the world is drawn.
+#[test]
+fn who_sees_no_video_has_no_gap() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let axes = Axes { background: true, ..Axes::NONE };
+    let world = options().world;
+    let distractors = DistractorSettings { axes, ..world.distractors };
+    let world = options::WorldOptions { size: Some(24), distractors, ..world };
+    let mut model = tiny();
+    model.settings.observations = crate::settings::Observations::Vectors;
+    let prepared = prepare::from_nothing(&path, &model, OnlineOptions { world, ..options() }).unwrap();
+    let Prepared { run, options, given } = &prepared;
+    online(&Setup { run, options, given, device: &Device::flex() }, &mut |_| Go::On).unwrap();
+    let text = std::fs::read_to_string(path.join("evaluations.jsonl")).unwrap();
+    assert!(text.contains("held_out") && !text.contains("gap"), "{text}");
+}
+
+/// A checkpoint that lacks a file is damaged, whichever it is, rather than gone on with as if it were another.
+#[test]
+fn a_checkpoint_that_lacks_a_file_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let mut asked = options();
+    asked.behaviour.guard = 1.0;
+    let go =
+        || lived(&path, OnlineOptions { control_steps: 400, ..asked.clone() }, 0.0, actor::as_it_is, &mut |_| Go::On);
+    lived(&path, asked.clone(), 0.0, actor::as_it_is, &mut |_| Go::On).unwrap();
+    let newest = RunFolder::at(&path).newest_checkpoint().unwrap();
+    let names: Vec<_> = std::fs::read_dir(&newest).unwrap().map(|entry| entry.unwrap().path()).collect();
+    assert_eq!(names.len(), 7, "{names:?}");
+    for place in names.iter().filter(|place| !place.ends_with("behaviour_optimizer.safetensors")) {
+        let aside = path.join("aside");
+        std::fs::rename(place, &aside).unwrap();
+        let error = go().unwrap_err().to_string();
+        assert!(error.contains("checkpoint"), "{}: {error}", place.display());
+        std::fs::rename(&aside, place).unwrap();
+    }
+    assert_eq!(go().unwrap(), End::Updates);
 }

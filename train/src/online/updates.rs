@@ -8,7 +8,8 @@ use std::time::Instant;
 use vibes_model::World;
 
 use super::line::Round;
-use super::{Event, Learners, Setup};
+use super::training::Learners;
+use super::{Event, Setup};
 use crate::error::{Result, TrainError};
 use crate::fit::Go;
 use crate::learners::behaviour::foresight::{Foresight, foresight};

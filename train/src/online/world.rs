@@ -33,6 +33,11 @@ impl WorldOptions {
         self.size.map(|size| RenderSettings { size: size as usize, look: self.look })
     }
 
+    /// Whether background videos play in it.
+    pub fn has_videos(&self) -> bool {
+        self.pictures().is_some() && self.distractors.axes.background
+    }
+
     /// The background videos of a set; none where none are seen.
     ///
     /// # Errors
@@ -54,7 +59,7 @@ impl WorldOptions {
     /// # Errors
     /// It does not, or holds too few.
     pub fn check_videos(&self) -> Result<()> {
-        if self.pictures().is_some() && self.distractors.axes.background {
+        if self.has_videos() {
             self.videos.lists(self.video_count.or(self.distractors.difficulty.videos()))?;
         }
         Ok(())

@@ -35,6 +35,26 @@ fn impossible_values_are_refused() {
     }
 }
 
+/// A file of a run holds finite numbers alone, so that whatever else is asked for would be a run that nothing can open.
+#[test]
+fn no_number_may_be_anything_but_finite() {
+    let options = Options::resolve("small", &[]).unwrap();
+    let numbers: Vec<String> = Table::try_from(&options)
+        .unwrap()
+        .into_iter()
+        .filter(|(_, value)| value.is_float())
+        .map(|(key, _)| key)
+        .collect();
+    assert!(numbers.len() > 15, "{numbers:?}");
+    for key in numbers {
+        for value in [f64::INFINITY, f64::NEG_INFINITY, f64::NAN, -1.0] {
+            let layer = Table::from_iter([(key.clone(), toml::Value::Float(value))]);
+            let error = Options::resolve("small", &[("the arguments", layer)]).unwrap_err().to_string();
+            assert!(error.contains(&key.replace('_', "-")), "{key} = {value}: {error}");
+        }
+    }
+}
+
 #[test]
 fn warm_up_rises_to_the_weight() {
     let options = Settings { dynamics_warmup: 100, dynamics_weight: 0.5, ..small() };

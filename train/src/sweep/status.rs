@@ -38,8 +38,12 @@ pub struct Status {
     pub stages: (usize, usize),
     /// Updates made.
     pub update: Option<u64>,
-    /// Updates asked for.
+    /// Updates asked for; none of online training, which goes by control steps.
     pub updates: Option<u64>,
+    /// Control steps lived through, in online training.
+    pub control_steps: Option<u64>,
+    /// Control steps asked for, in online training.
+    pub control_steps_asked: Option<u64>,
     /// Updates a second over the last line of the metrics.
     pub rate: Option<f64>,
     /// Seconds of training left at that rate.
@@ -68,10 +72,17 @@ pub fn status(element: &Element) -> Result<Status> {
     };
     let run = at_work(&element.folder);
     let metrics = Metrics::read(&run.metrics_path())?;
-    let updates = run.open_info().ok().and_then(|info| info.options.get("updates")?.as_u64());
-    let update = metrics.last("update").map(|update| update as u64);
+    let control_steps_asked = control_steps_asked(&run);
+    let is_online = control_steps_asked.is_some();
+    let updates = run.open_info().ok().and_then(|info| info.options.get("updates")?.as_u64()).filter(|_| !is_online);
+    let whole = |name: &str| metrics.last(name).map(|number| number as u64);
+    let (update, control_steps) = (whole("update"), whole("control_steps").filter(|_| is_online));
     let rate = metrics.last("updates_per_second");
-    let left = updates.zip(update).map(|(all, made)| all.saturating_sub(made) as f64);
+    let (asked, made, pace) = match is_online {
+        true => (control_steps_asked, control_steps, metrics.last("control_steps_per_second")),
+        false => (updates, update, rate),
+    };
+    let left = asked.zip(made).map(|(all, made)| all.saturating_sub(made) as f64);
     let since = std::fs::metadata(run.metrics_path()).and_then(|file| file.modified()).ok();
     let since = since.map(|then| SystemTime::now().duration_since(then).unwrap_or(Duration::ZERO).as_secs_f64());
     Ok(Status {
@@ -81,12 +92,22 @@ pub fn status(element: &Element) -> Result<Status> {
         stages: (mark.as_ref().map_or(0, |mark| mark.finished), element.stages.len()),
         update,
         updates,
+        control_steps,
+        control_steps_asked,
         rate,
-        seconds_left: left.zip(rate).filter(|(_, rate)| *rate > 0.0).map(|(left, rate)| left / rate),
+        seconds_left: left.zip(pace).filter(|(_, pace)| *pace > 0.0).map(|(left, pace)| left / pace),
         objective: metrics.last("objective"),
         seconds_since: since,
         note: owner.or_else(|| mark.and_then(|mark| mark.error)),
     })
+}
+
+/// Control steps that an online run is to live through, with a world model or without.
+fn control_steps_asked(run: &RunFolder) -> Option<u64> {
+    let read = |file: &Path| serde_json::from_slice::<serde_json::Value>(&std::fs::read(file).ok()?).ok();
+    let options =
+        read(&run.path().join("online.json")).or_else(|| Some(read(&run.model_free_path())?["online"].take()));
+    options?["control_steps"].as_u64()
 }
 
 /// The training run of an element whose metrics grew last: the element's own folder, or one in it, as in a plan that trains offline and then online.
@@ -98,4 +119,31 @@ fn at_work(folder: &Path) -> RunFolder {
     };
     let newest = inside.chain([folder.to_owned()]).filter_map(grown).max();
     RunFolder::at(&newest.map_or_else(|| folder.to_owned(), |(_, path)| path))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is left of online training goes by control steps, of which its run.json says nothing: the updates there are those of the offline run before.
+    #[test]
+    fn online_training_goes_by_control_steps() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = folder.path().join("2-online");
+        std::fs::create_dir(&run).unwrap();
+        std::fs::write(run.join("online.json"), r#"{"control_steps":1000}"#).unwrap();
+        let line = r#"{"update":90,"control_steps":400,"updates_per_second":5.0,"control_steps_per_second":20.0}"#;
+        std::fs::write(run.join("metrics.jsonl"), line.to_owned() + "\n").unwrap();
+        let element = Element {
+            index: 0,
+            name: "seed=0".to_owned(),
+            folder: folder.path().to_owned(),
+            settings: Default::default(),
+            stages: vec![vec!["vibes-train".to_owned()]; 2],
+        };
+        let found = status(&element).unwrap();
+        assert_eq!((found.update, found.updates, found.rate), (Some(90), None, Some(5.0)));
+        assert_eq!((found.control_steps, found.control_steps_asked), (Some(400), Some(1000)));
+        assert_eq!(found.seconds_left, Some(30.0));
+    }
 }

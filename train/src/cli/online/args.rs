@@ -73,8 +73,8 @@ pub(super) struct WorldArgs {
     #[arg(long, value_name = "DIR")]
     videos: Option<PathBuf>,
     /// Number of videos [default: the suite's for the difficulty].
-    #[arg(long, value_name = "N")]
-    video_count: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    video_count: Option<u16>,
     /// Side of the pictures, pixels [default: 64].
     #[arg(long, conflicts_with = "no_pixels", value_parser = clap::value_parser!(u32).range(10..=512))]
     size: Option<u32>,
@@ -181,7 +181,7 @@ impl WorldArgs {
         put(&mut world.distractors.difficulty, self.difficulty);
         put(&mut world.distractors.dynamic, self.r#static.then_some(false));
         put(&mut world.videos, self.videos.clone().map(VideoSource::Folder));
-        put(&mut world.video_count, self.video_count.map(Some));
+        put(&mut world.video_count, self.video_count.map(|count| Some(usize::from(count))));
         put(&mut world.size, self.size.map(Some));
         put(&mut world.look, self.render);
         if let Some(repeat) = self.action_repeat {

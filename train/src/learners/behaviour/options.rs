@@ -71,6 +71,12 @@ pub struct BehaviourOptions {
 /// Members of a guard that does not say how many.
 const MEMBERS: usize = 5;
 
+/// Members of a guard at most.
+const MOST_MEMBERS: usize = 100;
+
+/// Imagined steps at most: λ-returns weigh every step for every one before it.
+const MOST_STEPS: usize = 1000;
+
 fn five() -> usize {
     MEMBERS
 }
@@ -179,6 +185,7 @@ impl BehaviourOptions {
     /// # Errors
     /// One does not; the message names it.
     pub fn check(&self) -> Result<()> {
+        self.check_finite()?;
         let shares = [("discount", self.discount), ("lambda", self.lambda), ("slow-rate", self.slow_rate)];
         if let Some((name, value)) = shares.iter().find(|(_, value)| !(0.0..=1.0).contains(value)) {
             return Err(TrainError::Options(format!("--{name} is {value}; it must lie between 0 and 1")));
@@ -189,11 +196,18 @@ impl BehaviourOptions {
             return Err(TrainError::Options(text.to_owned()));
         }
         let least = [("guard", self.guard), ("entropy", self.entropy)];
-        if let Some((name, value)) = least.iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0)) {
+        if let Some((name, value)) = least.iter().find(|(_, value)| *value < 0.0) {
             return Err(TrainError::Options(format!("--{name} is {value}; it must be 0 or more")));
         }
-        if self.guard_members < 2 {
-            let text = format!("--guard-members is {}; it takes two to disagree", self.guard_members);
+        if !(2..=MOST_MEMBERS).contains(&self.guard_members) {
+            let text = format!(
+                "--guard-members is {}; it takes two to disagree, and {MOST_MEMBERS} are the most",
+                self.guard_members
+            );
+            return Err(TrainError::Options(text));
+        }
+        if self.horizon > MOST_STEPS {
+            let text = format!("--horizon is {}; it must be at most {MOST_STEPS}", self.horizon);
             return Err(TrainError::Options(text));
         }
         let positive = [
@@ -203,9 +217,78 @@ impl BehaviourOptions {
             ("critic-lr", self.critic_lr),
             ("behaviour-hidden", self.hidden as f64),
         ];
-        match positive.iter().find(|(_, value)| value.is_nan() || *value <= 0.0) {
+        match positive.iter().find(|(_, value)| *value <= 0.0) {
             Some((name, value)) => Err(TrainError::Options(format!("--{name} is {value}; it must be above 0"))),
             None => Ok(()),
+        }
+    }
+
+    /// That every number is one that a run's files can hold.
+    fn check_finite(&self) -> Result<()> {
+        let numbers = [
+            ("discount", self.discount),
+            ("lambda", self.lambda),
+            ("entropy", self.entropy),
+            ("actor-lr", self.actor_lr),
+            ("critic-lr", self.critic_lr),
+            ("gradient-clip", self.gradient_clip),
+            ("slow-weight", self.slow_weight),
+            ("slow-rate", self.slow_rate),
+            ("replay-value", self.replay_value),
+            ("guard", self.guard),
+        ];
+        match numbers.iter().find(|(_, value)| !value.is_finite()) {
+            Some((name, value)) => Err(TrainError::Options(format!("--{name} is {value}; it must be a finite number"))),
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every number of a recipe, by its field: the law holds for those that are added.
+    #[test]
+    fn no_number_may_be_anything_but_finite() {
+        let whole = serde_json::to_value(BehaviourOptions { guard: 1.0, ..mixed() }).unwrap();
+        let numbers = whole.as_object().unwrap().iter().filter(|(_, value)| value.is_f64());
+        let mut checked = 0;
+        for (key, _) in numbers {
+            let mut options = mixed();
+            *number(&mut options, key) = f64::INFINITY;
+            let error = options.check().unwrap_err().to_string();
+            assert!(error.contains(&key.replace('_', "-")) && error.contains("finite"), "{key}: {error}");
+            checked += 1;
+        }
+        assert_eq!(checked, 10);
+    }
+
+    fn number<'a>(options: &'a mut BehaviourOptions, key: &str) -> &'a mut f64 {
+        match key {
+            "discount" => &mut options.discount,
+            "lambda" => &mut options.lambda,
+            "entropy" => &mut options.entropy,
+            "actor_lr" => &mut options.actor_lr,
+            "critic_lr" => &mut options.critic_lr,
+            "gradient_clip" => &mut options.gradient_clip,
+            "slow_weight" => &mut options.slow_weight,
+            "slow_rate" => &mut options.slow_rate,
+            "replay_value" => &mut options.replay_value,
+            "guard" => &mut options.guard,
+            other => panic!("{other} is not checked"),
+        }
+    }
+
+    #[test]
+    fn what_would_take_all_memory_is_refused() {
+        for options in [
+            BehaviourOptions { horizon: MOST_STEPS + 1, ..mixed() },
+            BehaviourOptions { guard_members: MOST_MEMBERS + 1, ..mixed() },
+            BehaviourOptions { guard_members: 1, ..mixed() },
+        ] {
+            let error = options.check().unwrap_err().to_string();
+            assert!(error.contains("most"), "{error}");
         }
     }
 }

@@ -112,7 +112,7 @@ impl Folder {
         }
         checkpoints::recover(&folder)?;
         match Self::open(path)?.map(|found| options.stored(path).first_difference(&found.options.stored(path))) {
-            None => options.online.check_new()?,
+            None => options.online.check_new(false)?,
             Some(None) => {}
             Some(Some((key, found, asked))) => return Err(other(path, &flag(&key), &found, &asked)),
         }

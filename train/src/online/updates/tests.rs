@@ -39,12 +39,12 @@ fn updates_beside_one_another_are_those_one_after_another() {
     let setup = Setup { run: &prepared.run, options: &prepared.options, given: &[], device: &device };
     online(&setup, &mut |_| Go::On).unwrap();
     // Within the updates that are compared the actor begins to learn and the horizon grows.
-    let before = resume(&prepared.run, &device).unwrap().unwrap().online.updates;
+    let before = resume(&prepared.run, true, &device).unwrap().unwrap().online.updates;
     let options = &mut prepared.options;
     (options.critic_first, options.short_horizon, options.short_for) = (before + 2, 3, before + 4);
     let setup = Setup { run: &prepared.run, options: &prepared.options, given: &[], device: &device };
     let run_of = |rounds: &[u64]| {
-        let resumed = resume(setup.run, &device).unwrap().unwrap();
+        let resumed = resume(setup.run, true, &device).unwrap().unwrap();
         let (place, model) = (path.join("replay"), &setup.run.info().options);
         let videos = setup.options.world.video_library(VideoSet::Train).unwrap();
         let manifest = setup.options.world.manifest(model.seed, videos.videos(), &place).unwrap();
