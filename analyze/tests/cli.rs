@@ -47,6 +47,21 @@ fn json(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).unwrap_or_else(|e| panic!("{e}: {}", path.display()))).expect("JSON")
 }
 
+/// The rows of some latents that are wanted.
+fn rows_of(l: &Latents, is_wanted: impl Fn(usize) -> bool) -> Latents {
+    let keep: Vec<usize> = (0..l.len()).filter(|&row| is_wanted(row)).collect();
+    let of = |values: &[Option<u32>]| keep.iter().map(|&row| values[row]).collect::<Vec<_>>();
+    Latents {
+        episode: keep.iter().map(|&row| l.episode[row]).collect(),
+        step: keep.iter().map(|&row| l.step[row]).collect(),
+        state: of(&l.state),
+        distractor: of(&l.distractor),
+        reward: keep.iter().map(|&row| l.reward[row]).collect(),
+        latent: keep.iter().flat_map(|&row| l.row(row).to_vec()).collect(),
+        ..l.clone()
+    }
+}
+
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("temporary folder")
 }
@@ -587,6 +602,20 @@ fn the_numbers_of_a_known_latent_are_right() {
     assert!(ratio["high"].as_f64().expect("ratio") < 0.9, "{ratio}");
 }
 
+/// A column of a grid has many states and one distractor: the task is probed, and what the distractor decides is named as left out.
+#[test]
+fn one_column_of_a_grid_is_probed_for_its_task() {
+    let folder = folder();
+    let out = ["-o", text(folder.path())];
+    let (line, said) = good(GRID.path(), &[&["probe", "--where", "distractor = 0"][..], &out].concat());
+    assert!(line.contains("read of the task a mean of"), "{line}");
+    assert!(said.contains("one trajectory here") || said.contains("do not vary"), "{said}");
+    let l = Latents::read(&GRID.latents()).expect("latents");
+    let column = rows_of(&l, |row| l.distractor[row] == Some(0));
+    ["a.arrow", "b.arrow"].iter().for_each(|name| column.write(&folder.path().join(name)).expect("latents"));
+    good(folder.path(), &["compare", "a.arrow", "b.arrow"]);
+}
+
 #[test]
 fn wrong_arguments_say_what_would_be_right() {
     let here = GRID.path();
@@ -698,22 +727,19 @@ fn a_grid_with_holes_is_drawn_and_measured_as_one() {
     let fixture = Fixture::grid(4, 3, 10);
     let l = Latents::read(&fixture.latents()).expect("latents");
     // Episode 4 is state 1 under distractor 1.
-    let keep: Vec<usize> = (0..l.len()).filter(|&r| l.episode[r] != 4).collect();
-    let of = |v: &[Option<u32>]| keep.iter().map(|&r| v[r]).collect::<Vec<_>>();
-    let holes = Latents {
-        episode: keep.iter().map(|&r| l.episode[r]).collect(),
-        step: keep.iter().map(|&r| l.step[r]).collect(),
-        state: of(&l.state),
-        distractor: of(&l.distractor),
-        reward: keep.iter().map(|&r| l.reward[r]).collect(),
-        latent: keep.iter().flat_map(|&r| l.row(r).to_vec()).collect(),
-        ..l.clone()
-    };
+    let holes = rows_of(&l, |row| l.episode[row] != 4);
     holes.write(&fixture.latents()).expect("latents");
     let (_, said) = good(fixture.path(), &["grid"]);
     assert!(said.contains("1 of 12 cells were not recorded"), "{said}");
     let (_, said) = good(fixture.path(), &["invariance"]);
     assert!(said.contains("state trajectories [1] lack a cell"), "{said}");
+    let short = rows_of(&l, |row| l.episode[row] != 4 || l.step[row] < 3);
+    short.write(&fixture.latents()).expect("latents");
+    std::fs::copy(fixture.latents(), fixture.path().join("copy.arrow")).expect("a copy");
+    for verb in [&["invariance"][..], &["compare", text(&fixture.latents()), "copy.arrow"]] {
+        let (_, said) = good(fixture.path(), verb);
+        assert!(said.contains("not equally long") && said.contains("steps that some cell lacks"), "{verb:?}: {said}");
+    }
     let flat = Latents { state: vec![None; holes.len()], distractor: vec![None; holes.len()], ..holes };
     flat.write(&fixture.latents()).expect("latents");
     assert!(bad(fixture.path(), &["grid"], 2).contains("not of a grid"));
@@ -834,6 +860,10 @@ fn a_table_of_one_episode_has_a_page_without_neighbours_and_runs_called_alike_ha
     let (said, _) = good(folder.path(), &["report", "a/run/latents.csv", "-o", "one"]);
     assert!(said.contains("report:") && folder.path().join("one/report.html").is_file(), "{said}");
     good(folder.path(), &["report", "a/run/latents.csv", "b/run/latents.csv", "-o", "two"]);
+    let (_, said) = good(folder.path(), &["scene", "a/run/latents.csv", "-o", "scene"]);
+    assert!(said.contains("of one episode, so that its own rows count"), "{said}");
+    let dense = ["clusters", "a/run/latents.csv", "--by", "dbscan", "--min-points", "1000000000000000000"];
+    good(folder.path(), &dense);
     assert!(["run", "run-2"].iter().all(|name| folder.path().join("two").join(name).is_dir()));
 }
 

@@ -199,7 +199,9 @@ struct Places {
 
 impl Places {
     fn of(path: &Path) -> Result<Self> {
-        let recording = std::path::absolute(path).map_err(Error::io("find", path))?;
+        // Behind a link the recording itself grows, on the disk that it lies on.
+        let found = if path.exists() { path.canonicalize() } else { std::path::absolute(path) };
+        let recording = found.map_err(Error::io("find", path))?;
         let beside = |ending: &str| {
             let mut name = OsString::from(".");
             name.push(recording.file_name().unwrap_or_default());

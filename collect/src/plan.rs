@@ -81,7 +81,7 @@ impl RecordOptions {
         (0..self.episodes).map(move |index| match grid {
             None => PlannedEpisode { index, cell: None, state: index, distractor: index },
             Some(Grid { distractors, .. }) => {
-                let (state, distractor) = (index / distractors, index % distractors);
+                let (state, distractor) = (index / distractors.max(1), index % distractors.max(1));
                 PlannedEpisode { index, cell: Some(Cell { state, distractor }), state, distractor }
             }
         })

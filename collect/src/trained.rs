@@ -101,8 +101,10 @@ pub struct Home {
     pub videos: Option<VideoSource>,
     /// How many of a set there are, if it was asked for.
     pub video_count: Option<usize>,
+    /// Side of its pictures, if it has any.
+    pub size: Option<u32>,
     /// How its pictures were drawn.
-    look: Look,
+    pub look: Look,
     /// Whether samples of the actor are evaluated rather than its mode.
     evaluates_samples: bool,
     /// The protocol whose settings these are, with the episodes that it asks for, of a run that has lived through all its control steps.
@@ -123,6 +125,7 @@ pub fn home(run: &Path) -> Home {
         video_count: world["video_count"].as_u64().and_then(|count| usize::try_from(count).ok()),
         task: info.as_ref().and_then(|info| info.task()).map(str::to_owned),
         action_repeat: world["action_repeat"].as_u64().and_then(|repeat| u32::try_from(repeat).ok()),
+        size: world["size"].as_u64().and_then(|size| u32::try_from(size).ok()),
         look: serde_json::from_value(world["look"].clone()).unwrap_or_default(),
         evaluates_samples: online["evaluate_mode"] == false,
         protocol: online["protocol"].as_str().and_then(|name| {
@@ -205,14 +208,14 @@ mod tests {
         std::fs::create_dir_all(&videos).unwrap();
         let settings = DistractorSettings { axes: Axes::NONE, difficulty: Difficulty::Hard, dynamic: false };
         let world = serde_json::json!({
-            "action_repeat": 3, "distractors": settings, "videos": { "folder": "../../films" }, "video_count": 7, "look": "suite",
+            "action_repeat": 3, "distractors": settings, "videos": { "folder": "../../films" }, "video_count": 7, "look": "suite", "size": 84,
         });
         std::fs::write(run.join("online.json"), serde_json::json!({ "world": world }).to_string()).unwrap();
         let found = home(&run);
         assert_eq!((found.action_repeat, found.distractors, found.video_count), (Some(3), Some(settings), Some(7)));
         let Some(VideoSource::Folder(place)) = found.videos else { panic!("{:?}", found.videos) };
         assert_eq!(place.canonicalize().unwrap(), videos.canonicalize().unwrap());
-        assert_eq!(found.look, Look::Suite);
+        assert_eq!((found.look, found.size), (Look::Suite, Some(84)));
         assert_eq!(home(folder.path()), Home::default(), "no run");
     }
 

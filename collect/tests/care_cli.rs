@@ -102,7 +102,10 @@ fn a_recording_grows_without_losing_what_lies_beside_its_episodes() {
     std::fs::write(here.join("grid/NOTES.md"), "mine").unwrap();
     // Begun for another size and stopped.
     works(here, &format!("--grid 2x5 {options} -o .grid.extending"));
-    works(here, "extend grid --grid 2x3");
+    // Behind a link it is the recording that grows, and the link stays one.
+    std::os::unix::fs::symlink("grid", here.join("linked")).unwrap();
+    works(here, "extend linked --grid 2x3");
+    assert!(here.join("linked").is_symlink() && here.join("grid").is_dir() && !here.join("grid").is_symlink());
     assert_eq!(std::fs::read_to_string(here.join("grid/NOTES.md")).unwrap(), "mine");
     assert_eq!(Recording::open(&here.join("grid")).unwrap().episodes().len(), 6);
     assert!(!here.join(".grid.extending").exists());

@@ -53,6 +53,13 @@ impl Recording {
         &self.manifest.episodes
     }
 
+    /// Bytes of all its episodes' files, as the manifest has them.
+    pub fn bytes(&self) -> u64 {
+        let of =
+            |entry: &EpisodeEntry| entry.arrow.bytes.saturating_add(entry.mcap.as_ref().map_or(0, |file| file.bytes));
+        self.episodes().iter().map(of).fold(0, u64::saturating_add)
+    }
+
     /// Maps one episode, by its number.
     ///
     /// # Errors

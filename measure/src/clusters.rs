@@ -53,7 +53,8 @@ pub fn clusters(table: &Table<'_>, method: Method, rng: &mut impl Rng) -> Result
         Method::Dbscan { min_points, reach } => {
             // Of the rows that make a place dense, as many in proportion were drawn.
             let dense = (min_points as f64 * drawn.len() as f64 / rows as f64).round().max(2.0);
-            (dbscan(&points, dense as usize, reach)?, reach)
+            // No place is denser than all that were drawn, and room is made for so many at once.
+            (dbscan(&points, (dense as usize).min(drawn.len() + 1), reach)?, reach)
         }
     };
     let labels = if drawn.len() == rows { labels } else { spread(table, &drawn, &labels, reach)? };

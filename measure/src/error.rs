@@ -73,6 +73,14 @@ pub enum Error {
         /// What was excluded, as in "the row itself does not count".
         excluded: &'static str,
     },
+    /// Nothing that a state or a distractor could have brought.
+    #[error(
+        "all {cells} cells of the grid have the same latent at every step; the invariance split needs latents that differ between cells"
+    )]
+    AlikeAtEveryStep {
+        /// Cells of the grid.
+        cells: usize,
+    },
     /// Every dimension holds one value: no distance can tell rows apart.
     #[error("all {rows} latents are the same point; {what} needs latents that vary")]
     Constant {

@@ -110,10 +110,17 @@ pub struct ProbeScore {
     pub groups: usize,
 }
 
-/// The factor that makes a dimension's standard deviation 1; 0 where it does not vary: beside the largest second moment of all dimensions, whatever their unit, what is left
-/// is rounding.
-fn inverse_deviation(variance: f64, largest: f64) -> f64 {
-    if variance > 1e-12 * largest { variance.sqrt().recip() } else { 0.0 }
+/// The factor that makes a dimension's standard deviation 1; 0 where it does not vary: beside its own mean, a ten-millionth is what single precision leaves of a constant.
+fn inverse_deviation(variance: f64, mean: f64) -> f64 {
+    if variance > 1e-14 * (variance + mean * mean) { variance.sqrt().recip() } else { 0.0 }
+}
+
+/// How many trajectories of a table can be held out, one after the other, for a quantity of this kind; a probe that is cross-validated needs two.
+///
+/// # Errors
+/// Distractors are to be held out, and the table is of no grid.
+pub fn held_out_trajectories(table: &Table<'_>, hold_out: HoldOut) -> Result<usize, Error> {
+    Ok(deal::groups(table, hold_out)?.iter().max().map_or(0, |&last| last as usize + 1))
 }
 
 /// A score as its share of the way from chance to 1: an accuracy over chance, and an R², whose chance is 0, as it is.

@@ -166,6 +166,10 @@ pub fn rotated_pairs(
     if states.len() != rows {
         return Err(Error::Length { what: "reacher states", expected: rows, found: states.len() });
     }
+    if !(options.tolerance.is_finite() && options.tolerance >= 0.0) {
+        let value = options.tolerance.to_string();
+        return Err(Error::Option { option: "tolerance", value, must: "a finite number of at least 0" });
+    }
     let frames: Vec<[f32; 4]> = states.iter().map(|state| state.in_arm_frame()).collect();
     let apart = |a: usize, b: usize| (0..4).map(|dim| (frames[a][dim] - frames[b][dim]).powi(2)).sum::<f32>();
     let partner = |&row: &usize| {
@@ -181,7 +185,7 @@ pub fn rotated_pairs(
         Some((row, best.1?))
     };
     // Not every row has a rotation in the data, so more are tried than pairs are wanted.
-    let tried = sample(rng, rows, rows.min(4 * options.pairs)).into_vec();
+    let tried = sample(rng, rows, rows.min(options.pairs.saturating_mul(4))).into_vec();
     let mut pairs: Vec<(usize, usize)> = tried.par_iter().filter_map(partner).collect();
     pairs.truncate(options.pairs);
     if pairs.is_empty() {

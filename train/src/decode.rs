@@ -96,11 +96,20 @@ pub fn decode(
             path: fit.path().into(),
         });
     };
+    let strips = strips(show, options);
+    if strips.is_empty() {
+        let rows = options.context.saturating_add(options.horizon).saturating_add(1);
+        return Err(TrainError::OtherRecording {
+            found: "no episode that is long enough to be shown".to_owned(),
+            wanted: format!("one of {rows} rows at least (a few before, and --horizon)"),
+            path: show.path().to_owned(),
+        });
+    }
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let (decoder, errors) = fit_decoder(model, fit, options, device, &mut rng, listen)?;
     let painter = Painter { decoder: decoder.valid(), device: device.clone().inner() };
     let (mut rows, mut explained) = (Vec::new(), Explained::default());
-    for (strip, (episode, start)) in strips(show, options).into_iter().enumerate() {
+    for (strip, (episode, start)) in strips.into_iter().enumerate() {
         let view = show.episode(episode)?;
         let states = states(model, &view, device)?;
         let strip = Strip { number: strip as u32, start, options };
@@ -242,7 +251,7 @@ fn fit_decoder(
 /// The episodes to show and where prediction begins: episodes spread over the recording, a third of the way in. They follow from the recording alone, so
 /// that several runs show the same rows.
 fn strips(recording: &Recording, options: DecodeOptions) -> Vec<(u32, usize)> {
-    let needed = options.context + options.horizon + 1;
+    let needed = options.context.saturating_add(options.horizon).saturating_add(1);
     let long: Vec<_> = recording.episodes().iter().filter(|entry| entry.steps as usize + 1 >= needed).collect();
     let count = options.strips.min(long.len());
     let entries = (0..count).map(|i| long[i * long.len() / count]);

@@ -21,7 +21,7 @@ pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
 ///
 /// # Errors
 /// The file cannot be read or written.
-pub(crate) fn keep_lines(path: &Path, is_wanted: impl Fn(&serde_json::Value) -> bool) -> Result<()> {
+pub fn keep_lines(path: &Path, is_wanted: impl Fn(&serde_json::Value) -> bool) -> Result<()> {
     let text = match std::fs::read_to_string(path) {
         Ok(text) => text,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),

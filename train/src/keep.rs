@@ -54,6 +54,15 @@ pub fn keep(run: &Run, to: &Path, extent: Extent) -> Result<Kept> {
         let text = format!("there is something at {}; name a folder that is not there yet", to.display());
         return Err(TrainError::Options(text));
     }
+    let kept = copy(run, to, extent);
+    if kept.is_err() {
+        // Half a copy would be in the way of the next.
+        fs::remove_dir_all(to).ok();
+    }
+    kept
+}
+
+fn copy(run: &Run, to: &Path, extent: Extent) -> Result<Kept> {
     let newest = run.newest_model()?;
     let from = newest.parent().unwrap_or_else(|| run.path());
     let update = run.checkpoints().last().copied().unwrap_or_default();

@@ -28,7 +28,7 @@ pub mod error;
 pub mod evaluate;
 pub mod fit;
 pub mod gate;
-mod json;
+pub mod json;
 pub mod keep;
 pub mod learners;
 pub mod metrics;

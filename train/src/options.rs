@@ -19,6 +19,9 @@ pub mod presets;
 
 use presets::PRESETS;
 
+/// Sizes at most, far above what trains: products of more would not fit into any memory.
+const MOST: usize = 65_536;
+
 /// The resolved options of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Options {
@@ -108,7 +111,8 @@ impl Options {
 
     fn check(&self) -> Result<()> {
         if let Some((name, value)) = self.not_finite() {
-            return Err(TrainError::Options(format!("--{name} is {value}; it must be a finite number")));
+            let text = format!("--{name} is {value}; it must be a finite number that single precision has too");
+            return Err(TrainError::Options(text));
         }
         let positive = [
             ("batch", self.batch as f64),
@@ -126,15 +130,26 @@ impl Options {
             ("prediction-floor", self.prediction_floor),
             ("reward-floor", self.reward_floor),
         ];
+        let sizes = [
+            ("batch", self.batch),
+            ("length", self.length),
+            ("depth", self.depth),
+            ("hidden", self.hidden),
+            ("head", self.head),
+            ("latent", self.latent),
+        ];
+        if let Some((name, value)) = sizes.iter().find(|(_, value)| *value > MOST) {
+            return Err(TrainError::Options(format!("--{name} is {value}; it must be at most {MOST}")));
+        }
         let small = positive.iter().find(|(_, value)| *value <= 0.0);
         if let Some((name, value)) = small {
             return Err(TrainError::Options(format!("--{name} is {value}; it must be above 0")));
         }
-        if self.length < self.burn_in + 2 {
+        if self.length < self.burn_in.saturating_add(2) {
             let (length, burn_in) = (self.length, self.burn_in);
             return Err(TrainError::Options(format!(
                 "--length is {length}; with --burn-in {burn_in} it must be at least {}",
-                burn_in + 2
+                burn_in.saturating_add(2)
             )));
         }
         let ahead = steps_ahead(self);
@@ -160,10 +175,11 @@ impl Options {
         }
     }
 
-    /// The first option that is no finite number, which no file of a run could hold.
+    /// The first option that is no finite number, or none in single precision, in which models hold theirs: no file of a run could hold it.
     fn not_finite(&self) -> Option<(String, f64)> {
         let table = Table::try_from(self).ok()?;
-        let value = |value: &toml::Value| value.as_float().filter(|value| !value.is_finite());
+        let is_single = |value: f64| (value as f32).is_finite() && (value == 0.0 || value as f32 != 0.0);
+        let value = |value: &toml::Value| value.as_float().filter(|&value| !is_single(value));
         table.iter().find_map(|(key, found)| Some((key.replace('_', "-"), value(found)?)))
     }
 

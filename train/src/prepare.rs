@@ -27,13 +27,15 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
     for other in &recordings[1..] {
         let kind = observation_kind(other, options.observations)?;
         let repeats = [spec, &other.manifest().spec].map(|spec| spec.action_repeat);
-        if other.manifest().spec.action != spec.action || kind != observation || repeats[0] != repeats[1] {
+        let is_alike = other.manifest().spec.task == spec.task && other.manifest().spec.action == spec.action;
+        if !is_alike || kind != observation || repeats[0] != repeats[1] {
             let (found, wanted) = (describe(&other.manifest().spec, kind), describe(spec, observation));
             return Err(TrainError::OtherRecording { found, wanted, path: other.path().to_owned() });
         }
     }
     // Before anything is written: the same command with another length would find a run of this one.
     recordings.iter().try_for_each(|recording| WindowSampler::check_length(recording, options.settings.length))?;
+    check_bounds(spec, first.path())?;
     let options = &settled(options, from);
     let model = options.model(spec, observation, rewards_std(recordings)?);
     let model = match known_scale(path, from) {
@@ -55,6 +57,19 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
         versions: versions(),
     };
     Run::create_or_open(path, info)
+}
+
+/// That actions can be scaled to −1..1 in single precision, in which a model holds their bounds.
+fn check_bounds(spec: &Spec, path: &Path) -> Result<()> {
+    let extents = spec.action.max.iter().zip(&spec.action.min).map(|(&high, &low)| high as f32 - low as f32);
+    match extents.into_iter().find(|extent| !extent.is_finite()) {
+        None => Ok(()),
+        Some(_) => Err(TrainError::OtherRecording {
+            found: "bounds of an action too far apart for single precision".to_owned(),
+            wanted: "bounds that the actions come near".to_owned(),
+            path: path.to_owned(),
+        }),
+    }
 }
 
 /// Episodes and rows of some recordings.

@@ -272,7 +272,7 @@ impl Run {
             let file = folder.join("optimizer.safetensors");
             if file.exists() {
                 let (moments, _) = load_tensors(&file)?;
-                restore(&mut learner, &heads.renamed(moments), before, device);
+                restore(&mut learner, &heads.renamed(moments), before, &file, device)?;
             }
             // An objective that did not wait says nothing of what one that waits asks for.
             let waited = |options: &Options| options.objective.gate(options).is_some();
@@ -318,13 +318,33 @@ fn restore_moments(learner: &mut Learner, folder: &Path, state: State, device: &
         return Ok(());
     }
     let (moments, _) = load_tensors(&file)?;
-    restore(learner, &moments, state, device);
+    restore(learner, &moments, state, &file, device)
+}
+
+fn restore(learner: &mut Learner, moments: &HostTensors, state: State, file: &Path, device: &Device) -> Result<()> {
+    check_moments(moments, &read_parameters(&learner.model.world, "world"), file)?;
+    learner.optimizer.restore("world", moments, state.optimizer_steps, device);
+    learner.adversary_optimizer.restore("adversary", moments, state.adversary_optimizer_steps, device);
     Ok(())
 }
 
-fn restore(learner: &mut Learner, moments: &HostTensors, state: State, device: &Device) {
-    learner.optimizer.restore("world", moments, state.optimizer_steps, device);
-    learner.adversary_optimizer.restore("adversary", moments, state.adversary_optimizer_steps, device);
+/// That Adam's moments are of these parameters: of others they would move some of the weights and leave the rest.
+///
+/// # Errors
+/// [`TrainError::Malformed`]: they are of parameters that are not there, or of another size.
+fn check_moments(moments: &HostTensors, parameters: &HostTensors, file: &Path) -> Result<()> {
+    for (name, moment) in moments {
+        let Some(of) = name.strip_prefix("world.first.").or_else(|| name.strip_prefix("world.second.")) else {
+            continue;
+        };
+        let (found, wanted) = (moment.values.len(), parameters.get(&format!("world.{of}")).map(|all| all.values.len()));
+        if wanted != Some(found) {
+            let wanted = wanted.map_or("no weights of that name".to_owned(), |count| format!("{count} weights"));
+            let fact = format!("moments of {found} weights of {of}, of which this model has {wanted}");
+            return Err(malformed(file, fact, "the moments that were saved with this checkpoint's weights"));
+        }
+    }
+    Ok(())
 }
 
 /// The heads of a model and of the one that goes on from it; they go by their names, their tensors by their places.

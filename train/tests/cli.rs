@@ -81,6 +81,17 @@ fn a_decoder_draws_what_latents_show_and_leaves_the_run_as_it_is() {
     let bytes = std::fs::read(&path).unwrap();
     assert_done(&vibes_train(folder.path(), &decode));
     assert_eq!(std::fs::read(&path).unwrap(), bytes, "the same seed gives the same pictures");
+    // Before anything is fitted: no episode long enough to be shown, and no place to write to.
+    for (more, code, said) in [
+        (["--horizon", "1000"], 1, "long enough"),
+        (["--horizon", "18446744073709551615"], 1, "long enough"),
+        (["-o", "nowhere/decoded.arrow"], 2, "not there"),
+        (["-o", "same.safetensors"], 2, "weights are to be written there"),
+    ] {
+        let output =
+            vibes_train(folder.path(), &[&["decode", "run", "coins", "--updates", "1000000"][..], &more].concat());
+        assert!(output.status.code() == Some(code) && errors(&output).contains(said), "{}", errors(&output));
+    }
     let output = vibes_train(folder.path(), &["decode", "run", "nowhere"]);
     assert!(output.status.code() == Some(1) && errors(&output).contains("nowhere"), "{}", errors(&output));
 }
@@ -151,6 +162,55 @@ fn a_recording_that_has_grown_is_told() {
         assert_eq!(errors(&output).contains("and held"), told.is_some(), "{}", errors(&output));
         assert!(told.is_none_or(|told| errors(&output).contains(told)), "{}", errors(&output));
     }
+}
+
+/// Adam's moments of other weights would move some weights and leave the rest; recordings of another task have other rewards.
+#[test]
+fn what_is_of_another_run_or_task_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 20, false);
+    let train = |hidden: &str, updates: &str| {
+        let options = ["offline", "coins", "--preset", "tiny", "--hidden", hidden, "--updates", updates, "-o", hidden];
+        vibes_train(folder.path(), &options)
+    };
+    assert_done(&train("16", "2"));
+    assert_done(&train("24", "2"));
+    let moments = |run: &str| folder.path().join(run).join("checkpoints/000002/optimizer.safetensors");
+    let own = std::fs::read(moments("24")).unwrap();
+    std::fs::copy(moments("16"), moments("24")).unwrap();
+    let output = train("24", "3");
+    assert!(output.status.code() == Some(1) && errors(&output).contains("moments of"), "{}", errors(&output));
+    // A copy of a damaged checkpoint leaves nothing that would be in the way of the next.
+    let model = folder.path().join("24/checkpoints/000002/model.safetensors");
+    let whole = std::fs::read(&model).unwrap();
+    std::fs::write(&model, &whole[..whole.len() / 2]).unwrap();
+    let output = vibes_train(folder.path(), &["keep", "24", "-o", "kept"]);
+    assert!(output.status.code() == Some(1) && !folder.path().join("kept").exists(), "{}", errors(&output));
+    std::fs::write(&model, whole).unwrap();
+    std::fs::write(moments("24"), own).unwrap();
+    assert_done(&train("24", "3"));
+
+    synthetic::recording(&folder.path().join("other"), synthetic::SIDE, 4, 20, false);
+    let manifest = folder.path().join("other/manifest.json");
+    let text = std::fs::read_to_string(&manifest).unwrap().replacen("\"coins\"", "\"cups\"", 1);
+    std::fs::write(&manifest, text).unwrap();
+    let output = vibes_train(folder.path(), &["offline", "coins", "other", "--preset", "tiny", "--updates", "1"]);
+    assert!(output.status.code() == Some(1) && errors(&output).contains("cups with"), "{}", errors(&output));
+}
+
+/// The log of windows is what an undisturbed run has, also where lines were written that no checkpoint knows of.
+#[test]
+fn a_log_of_windows_goes_on_where_the_run_does() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 20, false);
+    let train = |updates: &str, run: &str| {
+        let options = ["offline", "coins", "--preset", "tiny", "--log-windows", "--updates", updates, "-o", run, "-q"];
+        assert_done(&vibes_train(folder.path(), &options));
+        std::fs::read_to_string(folder.path().join(run).join("windows.jsonl")).unwrap()
+    };
+    let (whole, part) = (train("4", "whole"), train("2", "part"));
+    std::fs::write(folder.path().join("part/windows.jsonl"), part + "{\"update\":2}\n{\"upd").unwrap();
+    assert_eq!(train("4", "part"), whole);
 }
 
 /// The configuration of a run of any preset and objective gives that run again, though the file says nothing of its preset.

@@ -9,7 +9,7 @@ use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Bar, BarGroup, Bars, Figure};
 use vibes_measure::intervals::Interval;
-use vibes_measure::invariance::Grid;
+use vibes_measure::invariance::{Dropped, Grid};
 use vibes_measure::neighbours::{Exclude, Metric, Neighbours, Space, nearest};
 use vibes_measure::numbers::{GridOptions, Numbers, grid_numbers};
 
@@ -153,12 +153,14 @@ fn names(sessions: &[Session], one: &Session) -> String {
 
 fn measure(session: &mut Session, name: &str) -> anyhow::Result<Row> {
     let options = GridOptions { seed: session.seed, ..GridOptions::default() };
-    // Latents that are not of a grid still have neighbours to compare.
-    let is_grid = match Grid::of_complete_part(session.table()?) {
-        Ok(_) => true,
-        Err(vibes_measure::Error::NoGrid) => false,
+    // Latents that are not of a grid, or of one with a single row or column, still have neighbours to compare.
+    let dropped = match Grid::of_complete_part(session.table()?) {
+        Ok(grid) => Some(grid.dropped().clone()),
+        Err(vibes_measure::Error::NoGrid | vibes_measure::Error::TooFewRows { .. }) => None,
         Err(other) => return Err(other.into()),
     };
+    let is_grid = dropped.is_some();
+    dropped.iter().flat_map(Dropped::remarks).for_each(|remark| session.remark(format!("{name}: {remark}")));
     let numbers = if is_grid {
         let actions = past_actions(session)?;
         let control = actions.as_ref().map(|actions| table(session, actions)).transpose()?;

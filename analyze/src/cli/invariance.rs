@@ -91,12 +91,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
             (grid.states().len(), grid.distractors().len(), grid.steps().len()),
         )
     };
-    for (kind, dropped) in [("state", &dropped.states), ("distractor", &dropped.distractors)] {
-        if !dropped.is_empty() {
-            session
-                .remark(format!("the grid has holes: {kind} trajectories {dropped:?} lack a cell and were left out"));
-        }
-    }
+    dropped.remarks().into_iter().for_each(|remark| session.remark(remark));
     for k in options.k.iter().filter(|k| numbers.get(&format!("retrieval_same_step@{k}")).is_none()) {
         session.remark(format!("retrieval_same_step@{k} is left out: a step of this grid has fewer other cells"));
     }

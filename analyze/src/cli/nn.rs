@@ -1,6 +1,6 @@
 //! `nn`: what is near what. Queries above their nearest neighbours (Figures 4b and 5 of the paper).
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::str::FromStr;
 
 use rand::Rng;
@@ -99,8 +99,17 @@ struct Query {
     distance: Vec<f64>,
 }
 
+/// Rows that every row has outside its own episode, at least.
+pub(super) fn rows_elsewhere(episodes: &[u32]) -> usize {
+    let mut counts = BTreeMap::new();
+    episodes.iter().for_each(|&episode| *counts.entry(episode).or_insert(0) += 1);
+    episodes.len() - counts.values().copied().max().unwrap_or(0)
+}
+
 /// Queries on the sheet, at most; more make no picture that anybody looks at, but narrower intervals.
 const SHOWN: usize = 40;
+/// Most neighbours of each on it.
+const SHOWN_DEEP: usize = 40;
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
     let given = json!({
@@ -122,7 +131,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         let space = Space::new(session.table()?, options.metric)?;
         (nearest(&space, &queries, options.k, exclude)?, space.constant_dims().to_vec())
     };
-    if !constant.is_empty() {
+    if !constant.is_empty() && options.metric == Metric::Standardized {
         session.remark(format!("latent dimensions {constant:?} are constant and were left out of the distance"));
     }
     let error = frames.as_ref().and_then(|frames| state_error_of(&session, frames, &queries, (&found, exclude)));
@@ -285,6 +294,12 @@ fn draw(
         session
             .remark(format!("the sheet shows the first {SHOWN} of {} queries; the numbers are of all", queries.len()));
     }
+    if found.k() > SHOWN_DEEP {
+        session.remark(format!(
+            "the sheet shows the nearest {SHOWN_DEEP} of {} neighbours; the numbers are of all",
+            found.k()
+        ));
+    }
     let high = high_reward(session);
     let latents = &session.latents;
     let thumb = |row: usize| {
@@ -295,8 +310,10 @@ fn draw(
         (Some(high), Some(reward)) => if reward >= high { "high reward" } else { "low reward" }.to_string(),
         _ => String::new(),
     };
-    let neighbours =
-        |q: usize| found.rows(q).iter().zip(found.distances(q)).map(|(&row, &d)| (thumb(row as usize), d)).collect();
+    let neighbours = |q: usize| {
+        let near = found.rows(q).iter().zip(found.distances(q)).take(SHOWN_DEEP);
+        near.map(|(&row, &d)| (thumb(row as usize), d)).collect()
+    };
     let columns: Vec<SheetColumn> = queries
         .iter()
         .take(SHOWN)

@@ -15,7 +15,8 @@ use crate::input::{Asked, Frames, ReadLatents, UserColumn, find_recording, read_
 use rows::{Opened, Rows, usable};
 use shown::{DISTRACTORS, Shown, TARGETS, TASK, section};
 use vibes_measure::episodes::PROBE_EPISODES;
-use vibes_measure::probes::{Fit, ProbeOptions, ProbeScore, Quantity, Sample, probe};
+use vibes_measure::probes::{Fit, ProbeOptions, ProbeScore, Quantity, Sample, Values, held_out_trajectories, probe};
+use vibes_measure::{Error, Table};
 
 /// Measure what can be read from the latents: task quantities, which should be, and distractors, which should not.
 ///
@@ -97,7 +98,8 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let judged = Rows::of(vec![judged], usize::MAX);
     let asked = quantities(&mut session, &judged, fitted.as_ref())?;
     let (tables, tables_to_fit) = (judged.tables()?, fitted.as_ref().map(Rows::tables).transpose()?);
-    let scores = |at: usize| -> Result<Vec<ProbeScore>, vibes_measure::Error> {
+    let asked = asked.that_can_be_held_out(&tables[0], &mut session)?;
+    let scores = |at: usize| -> Result<Vec<ProbeScore>, Error> {
         let judged = Sample { table: tables[at], quantities: &asked.own };
         let fit = tables_to_fit
             .map_or(Fit::HeldOut, |tables| Fit::On(Sample { table: tables[at], quantities: &asked.theirs }));
@@ -235,6 +237,31 @@ impl Read {
         self.sections.push(section);
         self.own.push(own);
         self.theirs.extend(theirs);
+    }
+
+    /// Without the quantities that are cross-validated and have one trajectory alone, as the videos of a grid of one column; an error where that are all.
+    fn that_can_be_held_out(self, table: &Table<'_>, session: &mut Session) -> anyhow::Result<Self> {
+        let (mut kept, mut single) = (Self::default(), Vec::new());
+        let mut theirs = self.theirs.into_iter();
+        for (section, own) in self.sections.into_iter().zip(self.own) {
+            let theirs = theirs.next();
+            let is_fitted_elsewhere = theirs.is_some() && !matches!(own.values, Values::Classes(_));
+            if is_fitted_elsewhere || held_out_trajectories(table, own.hold_out)? > 1 {
+                kept.push(section, own, theirs);
+            } else {
+                single.push(own.name);
+            }
+        }
+        if kept.own.is_empty() {
+            return Err(Error::TooFewRows { what: "a probe: trajectories", needed: 2, found: 1 }.into());
+        }
+        if !single.is_empty() {
+            let names = single.join(", ");
+            session.remark(format!(
+                "{names} are of one trajectory here, where a probe has none to be judged on, and were left out"
+            ));
+        }
+        Ok(kept)
     }
 }
 

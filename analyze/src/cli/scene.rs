@@ -9,6 +9,7 @@ use vibes_command::{Given, options_of};
 use vibes_data::{Decoded, Recording};
 
 use super::maps::MapOptions;
+use super::nn::rows_elsewhere;
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::input::{Run, newest_latents};
@@ -68,8 +69,17 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         session.remark("these latents name no recording, so the scene has no pictures (name one with --recording)");
     }
     let made = options.map.map(&mut session, globals)?;
-    let neighbours =
-        nearest(&Space::new(session.table()?, Metric::Standardized)?, &rows, options.k, Exclude::Trajectory)?;
+    let (k, exclude) = match rows_elsewhere(&session.latents.episode) {
+        0 => {
+            session.remark("these latents are of one episode, so that its own rows count as neighbours");
+            (options.k.min(session.latents.len() - 1), Exclude::Itself)
+        }
+        elsewhere => (options.k.min(elsewhere), Exclude::Trajectory),
+    };
+    if k < options.k {
+        session.remark(format!("every row has {k} neighbours rather than {}: there are no more that count", options.k));
+    }
+    let neighbours = nearest(&Space::new(session.table()?, Metric::Standardized)?, &rows, k, exclude)?;
     // Only the decoder's own rows have its pictures; it is left out where it drew another recording's.
     let drawn = session.path.parent().map(|run| run.join("decoded.arrow")).and_then(|path| Decoded::read(&path).ok());
     let decoded = drawn.filter(|decoded| decoded.recording == session.latents.source.recording);
@@ -89,7 +99,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         "scene: {} rows of {} episodes with {} neighbours each; open it with `rerun {}`",
         rows.len(),
         episodes.len(),
-        options.k,
+        k,
         path.display()
     );
     session.outcome.files.push(path);

@@ -4,7 +4,7 @@
 //! 'texts', `true`, `false`; `+ - * / %`; `= == != <> < <= > >=`, `in (…)`, `is null`, `is not null`; `and`, `or`, `not`; parentheses. A column whose
 //! name is no word is written in "double quotes".
 
-use polars::prelude::{Expr, col, lit};
+use polars::prelude::{DataType, Expr, col, lit};
 
 /// Rows chosen by an expression.
 #[derive(Clone, Debug)]
@@ -212,7 +212,8 @@ impl Parser {
             let right = self.value()?;
             left = match sign {
                 "*" => left * right,
-                "/" => left / right,
+                // As everywhere else in numbers: whole ones would lose their fraction.
+                "/" => left.cast(DataType::Float64) / right,
                 _ => left % right,
             };
         }
@@ -279,6 +280,11 @@ mod tests {
         assert_eq!(rows("reward is not null and reward * 2 + 1 < -0.5"), [2]);
         assert_eq!(rows("\"step\" % 2 == 0 && reward > -1e0"), [0]);
         assert_eq!(rows("reward > -5 AND NOT true"), Vec::<i32>::new());
+        assert_eq!(
+            (rows("step / 2 = 1"), rows("step / 2 = 0.5")),
+            (vec![2], vec![1]),
+            "halves of whole numbers are halves"
+        );
     }
 
     #[test]

@@ -135,6 +135,10 @@ impl Run {
             return Some(*value);
         }
         let series = found.map(|(_, series)| series).filter(|series| !series.is_empty())?;
+        // Evaluations are whole, as the lines of training batches are not.
+        if name.starts_with(HELD_OUT) {
+            return series.last().map(|point| point.1);
+        }
         let count = (series.len() / 10).max(1);
         Some(series[series.len() - count..].iter().map(|point| point.1).sum::<f64>() / count as f64)
     }

@@ -156,6 +156,18 @@ fn what_is_used_and_of_a_wrong_type_is_named_and_what_is_unused_is_not() {
     assert!(fault.contains("no table has a column weather, choose among"), "{fault}");
 }
 
+/// What Python's csv and pandas write for numbers that are missing.
+#[test]
+fn empty_and_nan_cells_of_a_csv_are_numbers_that_are_missing() {
+    let dir = tempfile::tempdir().expect("folder");
+    let path = dir.path().join("latents.csv");
+    let rows = "0,0,,,,0.5,1\n0,1,,,nan,0.25,2\n1,0,,,-2.5,0.125,3\n";
+    std::fs::write(&path, format!("episode,step,state,distractor,reward,latent_0,latent_1\n{rows}")).expect("CSV");
+    let read = read_latents(&path).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!((read.state, read.reward.len()), (vec![None; 3], 3));
+    assert!(read.reward[..2].iter().all(|reward| reward.is_none_or(f32::is_nan)) && read.reward[2] == Some(-2.5));
+}
+
 #[test]
 fn a_column_that_is_a_row_short_is_an_error_in_every_format() {
     let dir = tempfile::tempdir().expect("folder");

@@ -72,8 +72,8 @@ pub(super) fn run(args: &ImportArgs, output: OutputArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// A time above 0.
+/// A time of at least a nanosecond, the unit of clocks in logs, and at most a day.
 fn seconds(text: &str) -> Result<f64, String> {
-    let found = text.parse::<f64>().ok().filter(|seconds| seconds.is_finite() && *seconds > 0.0);
-    found.ok_or_else(|| "seconds are a finite number above 0".to_owned())
+    let found = text.parse::<f64>().ok().filter(|seconds| (1e-9..=86_400.0).contains(seconds));
+    found.ok_or_else(|| "seconds are a number between 0.000000001 and 86400".to_owned())
 }

@@ -39,8 +39,7 @@ fn describe(recording: &Recording) -> String {
     let Manifest { spec, grid, videos, versions, seed, options, .. } = recording.manifest();
     let episodes = recording.episodes();
     let steps: u64 = episodes.iter().map(|entry| u64::from(entry.steps)).sum();
-    let size: u64 =
-        episodes.iter().map(|entry| entry.arrow.bytes + entry.mcap.as_ref().map_or(0, |file| file.bytes)).sum();
+    let size: u64 = recording.bytes();
     let parts = spec.observation.iter().map(|part| format!("{} {}", part.name, part.len));
     let mut lines = vec![
         ("recording", recording.path().display().to_string()),

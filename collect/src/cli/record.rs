@@ -26,6 +26,8 @@ const DEFAULT_TASK: &str = "reacher-easy";
 
 /// Episodes when neither a grid nor a number is asked for.
 const DEFAULT_EPISODES: u32 = 10;
+/// Side of the pictures, pixels, where nothing else is asked for.
+const DEFAULT_SIZE: u32 = 64;
 
 #[derive(Debug, Args)]
 pub(super) struct RecordArgs {
@@ -67,15 +69,15 @@ pub(super) struct RecordArgs {
     /// Number of videos [default: that of a trained run, or the suite's for the difficulty: 4, 8 or all].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=10_000))]
     video_count: Option<u16>,
-    /// Side of the pictures, pixels.
-    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=2048))]
-    size: u32,
+    /// Side of the pictures, pixels [default: that of a trained run, or 64].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=2048))]
+    size: Option<u32>,
     /// Record no pictures, only states and vector observations.
     #[arg(long, conflicts_with_all = ["size", "render"])]
     no_pixels: bool,
-    /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite pixel by pixel.
-    #[arg(long, default_value = "fast")]
-    render: Look,
+    /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite pixel by pixel [default: that of a trained run, or fast].
+    #[arg(long)]
+    render: Option<Look>,
     /// Control steps per agent step [default: the task's].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     action_repeat: Option<u32>,
@@ -140,8 +142,8 @@ impl RecordArgs {
             videos,
             video_set: self.video_set,
             video_count,
-            size: (!self.no_pixels).then_some(self.size),
-            look: self.render,
+            size: (!self.no_pixels).then_some(self.size.or(home.size).unwrap_or(DEFAULT_SIZE)),
+            look: self.render.unwrap_or(home.look),
             axis_seeds: self.axis_seeds.into(),
             acting: mix
                 .shares()
@@ -300,8 +302,7 @@ struct Said<'a> {
 fn say(recording: &Recording, seconds: f64) {
     let episodes = recording.episodes();
     let frames: u64 = episodes.iter().map(|entry| u64::from(entry.steps) + 1).sum();
-    let size: u64 =
-        episodes.iter().map(|entry| entry.arrow.bytes + entry.mcap.as_ref().map_or(0, |file| file.bytes)).sum();
+    let size: u64 = recording.bytes();
     let returns = Returns::of(recording).map_or_else(String::new, |Returns { mean_return, interval, .. }| {
         let interval =
             interval.map_or_else(String::new, |[low, high]| format!(" (95% interval {low:.1} to {high:.1})"));

@@ -16,6 +16,12 @@ use crate::{Error, Trace};
 use vibes_env::render::{Look, RenderSettings};
 use vibes_env::{Environment, EnvironmentOptions};
 
+/// An error that two numbers may have, from 0 up.
+fn error_of_at_least_0(text: &str) -> Result<f64, String> {
+    let found = text.parse::<f64>().ok().filter(|error| error.is_finite() && *error >= 0.0);
+    found.ok_or_else(|| "an error is a finite number of at least 0".to_owned())
+}
+
 #[derive(Debug, Args)]
 pub(super) struct ReplayArgs {
     #[command(flatten)]
@@ -29,7 +35,7 @@ pub(super) struct ReplayArgs {
     #[arg(long, value_name = "GOT.json")]
     out: Option<PathBuf>,
     /// Largest error that still counts as agreement.
-    #[arg(long, default_value_t = 1e-9)]
+    #[arg(long, default_value_t = 1e-9, value_parser = error_of_at_least_0)]
     tolerance: f64,
     /// Draw every step without distractors into this folder, one PNG each (not of a distractor trace).
     #[arg(long, value_name = "DIR")]

@@ -18,13 +18,31 @@ pub struct Grid<'a> {
     dropped: Dropped,
 }
 
-/// Trajectories left out of a grid with holes, rising.
+/// What is left out of a grid that is not whole.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Dropped {
-    /// State trajectories.
+    /// State trajectories that lack a cell, rising.
     pub states: Vec<u32>,
-    /// Distractor trajectories.
+    /// Distractor trajectories that lack a cell, rising.
     pub distractors: Vec<u32>,
+    /// How many steps some cell lacks.
+    pub steps: usize,
+}
+
+impl Dropped {
+    /// What was left out, in words, one sentence each.
+    #[must_use]
+    pub fn remarks(&self) -> Vec<String> {
+        let lines = [("state", &self.states), ("distractor", &self.distractors)];
+        let of_lines = lines.into_iter().filter(|(_, dropped)| !dropped.is_empty());
+        let of_lines = of_lines.map(|(kind, dropped)| {
+            format!("the grid has holes: {kind} trajectories {dropped:?} lack a cell and were left out")
+        });
+        let of_steps = (self.steps > 0).then(|| {
+            format!("the grid's cells are not equally long: {} steps that some cell lacks were left out", self.steps)
+        });
+        of_lines.chain(of_steps).collect()
+    }
 }
 
 impl<'a> Grid<'a> {
@@ -79,7 +97,7 @@ impl<'a> Grid<'a> {
         cells: &Cells,
         states: Vec<u32>,
         distractors: Vec<u32>,
-        dropped: Dropped,
+        mut dropped: Dropped,
     ) -> Result<Self, Error> {
         for (what, found) in
             [("the invariance split: states", states.len()), ("the invariance split: distractors", distractors.len())]
@@ -94,10 +112,12 @@ impl<'a> Grid<'a> {
             cells[&cell].keys().for_each(|&step| *count.entry(step).or_default() += 1);
         }
         let all = states.len() * distractors.len();
+        let found = count.len();
         let steps: Vec<u32> = count.into_iter().filter(|&(_, cells)| cells == all).map(|(step, _)| step).collect();
         if steps.is_empty() {
             return Err(Error::TooFewRows { what: "the invariance split: steps every cell has", needed: 1, found: 0 });
         }
+        dropped.steps = found - steps.len();
         let rows = kept().flat_map(|cell| steps.iter().map(move |step| cells[&cell][step])).collect();
         Ok(Self { table, states, distractors, steps, rows, dropped })
     }
@@ -126,7 +146,7 @@ impl<'a> Grid<'a> {
         &self.steps
     }
 
-    /// Trajectories left out because a cell of theirs is missing.
+    /// What was left out: trajectories that lack a cell, and steps that a cell lacks.
     #[must_use]
     pub fn dropped(&self) -> &Dropped {
         &self.dropped

@@ -45,6 +45,19 @@ fn generator(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }
 
+/// As the latents of past actions are where every state has the same: what sums leave of no difference is rounding, and its shares would be of anything.
+#[test]
+fn latents_that_differ_between_steps_alone_have_no_shares() {
+    for (states, distractors) in [(3, 7), (4, 4), (5, 3)] {
+        let rows = Rows::new(states, distractors, 9, |_, _, t| vec![0.1 + t as f32 / 7.0, -0.7 * t as f32]);
+        let error = variance(&Grid::new(rows.table()).unwrap()).unwrap_err();
+        assert!(
+            matches!(error, Error::AlikeAtEveryStep { cells } if cells == (states * distractors) as usize),
+            "{error}"
+        );
+    }
+}
+
 /// Effects of known size: the state moves the first dimension by ±2, the distractor the second by ±1, their product the third by ±0.5.
 #[test]
 fn the_split_of_known_effects_is_the_known_split() {

@@ -79,7 +79,7 @@ pub struct StepShares {
 /// none with fewer than three states or distractors.
 ///
 /// # Errors
-/// All latents equal.
+/// All cells have the same latent at every step.
 pub fn variance(grid: &Grid<'_>) -> Result<VarianceSplit, Error> {
     let mean = grand_mean(grid);
     let steps: Vec<LeftOut<Sums>> =
@@ -88,7 +88,7 @@ pub fn variance(grid: &Grid<'_>) -> Result<VarianceSplit, Error> {
     steps.iter().for_each(|step| all.add(step));
     let whole = all.whole;
     if whole.total() <= 0.0 {
-        return Err(Error::Constant { what: "the invariance split", rows: grid.table().rows() });
+        return Err(Error::AlikeAtEveryStep { cells: grid.states().len() * grid.distractors().len() });
     }
     let overall = overall(grid, &mean);
     let interval = |share: fn(&Sums) -> f64| all.share(&all, share, Sums::total);
@@ -187,6 +187,10 @@ fn split_at(grid: &Grid<'_>, step: usize, centre: &[f64]) -> LeftOut<Sums> {
         let at = (state * distractors + distractor) * dims;
         &cells[at..at + dims]
     };
+    // Where all cells are the same, to the bit, what sums leave of the differences is rounding.
+    if cells.chunks_exact(dims.max(1)).all(|other| other == cell(0, 0)) {
+        return LeftOut::zero(grid);
+    }
     let rows = Totals::new(states, dims, |state| (0..distractors).map(move |j| (state, j)), &cell);
     let columns = Totals::new(distractors, dims, |distractor| (0..states).map(move |i| (i, distractor)), &cell);
     let all = rows.sums.iter().fold(vec![0.0; dims], |all, row| plus(all, row));

@@ -21,7 +21,7 @@ impl Space<'_> {
     /// `[queries]` lists, sorted by rank.
     #[must_use]
     pub fn ranks(&self, queries: &[usize], rows: &[Vec<u32>]) -> Vec<Vec<u64>> {
-        let norms: Vec<f32> = self.points().par_chunks(self.table().dims()).map(norm).collect();
+        let norms = self.squared_lengths();
         let blocks = queries.par_chunks(QUERIES).zip(rows.par_chunks(QUERIES));
         blocks.flat_map_iter(|(queries, rows)| self.ranks_of_block(queries, rows, &norms)).collect()
     }
@@ -52,10 +52,6 @@ impl Space<'_> {
         }
         lists.into_iter().map(List::finish).collect()
     }
-}
-
-fn norm(point: &[f32]) -> f32 {
-    point.iter().map(|x| x * x).sum()
 }
 
 /// The rows in question of one query.

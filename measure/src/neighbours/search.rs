@@ -87,8 +87,7 @@ impl<'s> Sieve<'s> {
     fn new(space: &'s Space<'_>, labels: &'s [u32], k: usize) -> Self {
         let dims = space.table().dims();
         let error = (dims as f32 + 16.0) * f32::EPSILON;
-        let norm = |point: &[f32]| point.iter().map(|x| x * x).sum::<f32>();
-        let lower_norm = space.points().par_chunks(dims).map(|point| norm(point) * (1.0 - error)).collect();
+        let lower_norm = space.squared_lengths().into_iter().map(|squared| squared * (1.0 - error)).collect();
         Self { points: space.points(), labels, dims, k, error, lower_norm, equals: Vec::new() }
     }
 

@@ -129,7 +129,11 @@ impl<'a> Space<'a> {
     /// A squared distance between two prepared rows, in single precision and without cancellation: for ranks.
     pub fn squared_prepared(&self, a: usize, b: usize) -> f32 {
         const LANES: usize = 8;
+        let (first, second) = (a, b);
         let (a, b) = (self.prepared(a), self.prepared(b));
+        if self.metric == Metric::Cosine && (is_zero(a) || is_zero(b)) {
+            return if first == second { 0.0 } else { 2.0 };
+        }
         let mut lanes = [0.0_f32; LANES];
         let (runs_a, runs_b) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
         let rest = runs_a.remainder().iter().zip(runs_b.remainder()).map(|(a, b)| (a - b) * (a - b)).sum::<f32>();
@@ -144,6 +148,16 @@ impl<'a> Space<'a> {
     /// All prepared points, `[rows, dims]`.
     pub(super) fn points(&self) -> &[f32] {
         &self.points
+    }
+
+    /// The squared length of every prepared point, `[rows]`. Under cosine a latent of length zero counts as one of length 1: it is at distance 1 from every other latent, as those
+    /// at right angles are.
+    pub(super) fn squared_lengths(&self) -> Vec<f32> {
+        let squared = |point: &[f32]| match point.iter().map(|x| x * x).sum::<f32>() {
+            0.0 if self.metric == Metric::Cosine => 1.0,
+            squared => squared,
+        };
+        self.points.par_chunks(self.table.dims()).map(squared).collect()
     }
 
     /// One row's prepared point.
@@ -170,6 +184,10 @@ impl<'a> Space<'a> {
             *point = ((f64::from(x) - centre) * scale * shrink) as f32;
         }
     }
+}
+
+fn is_zero(point: &[f32]) -> bool {
+    point.iter().all(|&x| x == 0.0)
 }
 
 /// Mean and population standard deviation of each dimension, `[dims]` each; exactly 0 where every row is equal.

@@ -72,10 +72,11 @@ fn brute_force(space: &Space<'_>, query: usize, k: usize, admissible: impl Fn(us
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Every metric and exclusion; values on a coarse lattice, so that there are many duplicates and ties.
+    /// Every metric and exclusion; values on a coarse lattice, so that there are many duplicates and ties, and some latents of length zero.
     #[test]
-    fn finds_what_the_definition_finds(seed in any::<u64>(), rows in 40_usize..400, dims in 1_usize..9, offset in 0.0_f32..1e4) {
-        let values: Vec<f32> = random(rows, dims, seed).iter().map(|x| (x * 4.0).round() + offset).collect();
+    fn finds_what_the_definition_finds(seed in any::<u64>(), rows in 40_usize..400, dims in 1_usize..9, offset in 0.0_f32..1e4, zeros in 3_usize..60) {
+        let mut values: Vec<f32> = random(rows, dims, seed).iter().map(|x| (x * 4.0).round() + offset).collect();
+        values.chunks_exact_mut(dims).step_by(zeros).for_each(|row| row.fill(0.0));
         let (episode, step) = keys(rows, 20);
         let table = Table::new(dims, &values, &episode, &step).unwrap();
         for metric in [Metric::Standardized, Metric::Euclidean, Metric::Cosine] {
@@ -111,11 +112,14 @@ fn agrees_with_a_kd_tree() {
 /// Random points, and points of a coarse lattice, where most distances are equal to others.
 #[test]
 fn ranks_are_their_definition() {
-    for (rows, dims, step) in [(700, 5, 0.0), (1500, 2, 0.5), (300, 40, 0.0)] {
+    let (euclidean, cosine) = (Metric::Euclidean, Metric::Cosine);
+    for (rows, dims, step, metric) in
+        [(700, 5, 0.0, euclidean), (1500, 2, 0.5, euclidean), (300, 40, 0.0, euclidean), (600, 3, 0.5, cosine)]
+    {
         let coarse = |x: f32| if step > 0.0 { (x / step).round() * step } else { x };
         let values: Vec<f32> = random(rows, dims, 7).into_iter().map(coarse).collect();
         let (episode, time) = keys(rows, 10);
-        let space = Space::new(Table::new(dims, &values, &episode, &time).unwrap(), Metric::Euclidean).unwrap();
+        let space = Space::new(Table::new(dims, &values, &episode, &time).unwrap(), metric).unwrap();
         let queries: Vec<usize> = (0..rows).step_by(3).collect();
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let wanted = |&query: &usize| (0..query % 17).map(|_| rng.random_range(0..rows as u32)).collect();

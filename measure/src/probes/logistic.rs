@@ -87,8 +87,7 @@ impl Model {
             (mean, square)
         };
         let (mean, variance): (Vec<f64>, Vec<f64>) = (0..table.dims()).map(moments).unzip();
-        let largest = mean.iter().zip(&variance).map(|(mean, variance)| variance + mean * mean).fold(0.0, f64::max);
-        let scale = variance.into_iter().map(|variance| inverse_deviation(variance, largest)).collect();
+        let scale = variance.iter().zip(&mean).map(|(&variance, &mean)| inverse_deviation(variance, mean)).collect();
         let labels: Array1<usize> = fitted.iter().map(|&at| classes[at]).collect();
         let mut present = labels.to_vec();
         present.sort_unstable();

@@ -23,7 +23,7 @@ pub(super) fn predict(table: &Table<'_>, targets: &Targets, deal: &Deal) -> Resu
     let of_fold = |out: usize| {
         let part = |part: usize| {
             let kept = (0..deal.folds).filter(|&fold| fold != out).map(|fold| &sums[fold * PARTS + part]);
-            Moments::sum(kept, table.dims(), targets.columns)
+            Moments::sum(kept, &sums[0].centre, targets.columns)
         };
         fit(&(0..PARTS).map(part).collect::<Vec<_>>())
     };
@@ -43,26 +43,31 @@ pub(super) fn predict_elsewhere(
     let sums = sums(table, targets, deal);
     let part = |part: usize| {
         let all = (0..deal.folds).map(|fold| &sums[fold * PARTS + part]);
-        Moments::sum(all, table.dims(), targets.columns)
+        Moments::sum(all, &sums[0].centre, targets.columns)
     };
     let fit = fit(&(0..PARTS).map(part).collect::<Vec<_>>())?;
     Ok((0..judged.rows()).into_par_iter().flat_map_iter(|row| fit.predict(judged.row(row))).collect())
 }
 
-/// The moments of every fold and part, `[folds, PARTS]`.
+/// The moments of every fold and part about the table's mean, `[folds, PARTS]`. About the origin, what tells far latents apart would drown in the products.
 fn sums(table: &Table<'_>, targets: &Targets, deal: &Deal) -> Vec<Moments> {
+    let mut centre = vec![0.0; table.dims()];
+    for row in 0..table.rows() {
+        centre.iter_mut().zip(table.row(row)).for_each(|(sum, &x)| *sum += f64::from(x));
+    }
+    centre.iter_mut().for_each(|sum| *sum /= table.rows() as f64);
     let mut rows = vec![Vec::new(); deal.folds * PARTS];
     for row in 0..table.rows() {
         rows[deal.fold[row] as usize * PARTS + deal.part[row] as usize].push(row);
     }
-    rows.par_iter().map(|rows| Moments::of(table, targets, rows)).collect()
+    rows.par_iter().map(|rows| Moments::of(table, targets, rows, &centre)).collect()
 }
 
 /// The regression on all parts, with the penalty that predicts each part best from the others.
 fn fit(parts: &[Moments]) -> Result<Linear, Error> {
-    let (dims, columns) = (parts[0].dims, parts[0].squares.len());
+    let (centre, columns) = (&parts[0].centre, parts[0].squares.len());
     let filled: Vec<&Moments> = parts.iter().filter(|part| part.rows() > 0.0).collect();
-    let all = Moments::sum(filled.iter().copied(), dims, columns);
+    let all = Moments::sum(filled.iter().copied(), centre, columns);
     if filled.len() < 2 {
         return all.fit(PLAIN);
     }
@@ -72,7 +77,7 @@ fn fit(parts: &[Moments]) -> Result<Linear, Error> {
         let mut errors = Array1::zeros(columns);
         for out in 0..filled.len() {
             let others = filled.iter().enumerate().filter(|(at, _)| *at != out).map(|(_, part)| *part);
-            errors += &Moments::sum(others, dims, columns).fit(lambda)?.errors(filled[out]);
+            errors += &Moments::sum(others, centre, columns).fit(lambda)?.errors(filled[out]);
         }
         let fit = all.fit(lambda)?;
         for (column, least) in least.iter_mut().enumerate() {
@@ -87,7 +92,8 @@ fn fit(parts: &[Moments]) -> Result<Linear, Error> {
 
 /// Sums over some rows of products of `(1, latent, target)`: `[1 + dims + columns]²`, the part a fit needs.
 struct Moments {
-    dims: usize,
+    /// What is taken from every latent first, `[dims]`.
+    centre: Vec<f64>,
     /// `[1 + dims, 1 + dims + columns]`: `Σ (1, x)ᵀ (1, x, y)`.
     products: Array2<f64>,
     /// `Σ y²`, `[columns]`.
@@ -95,12 +101,17 @@ struct Moments {
 }
 
 impl Moments {
-    fn zero(dims: usize, columns: usize) -> Self {
-        Self { dims, products: Array2::zeros((1 + dims, 1 + dims + columns)), squares: Array1::zeros(columns) }
+    fn zero(centre: &[f64], columns: usize) -> Self {
+        let dims = centre.len();
+        Self {
+            centre: centre.to_vec(),
+            products: Array2::zeros((1 + dims, 1 + dims + columns)),
+            squares: Array1::zeros(columns),
+        }
     }
 
-    fn sum<'m>(of: impl Iterator<Item = &'m Self>, dims: usize, columns: usize) -> Self {
-        of.fold(Self::zero(dims, columns), |mut sum, more| {
+    fn sum<'m>(of: impl Iterator<Item = &'m Self>, centre: &[f64], columns: usize) -> Self {
+        of.fold(Self::zero(centre, columns), |mut sum, more| {
             sum.products += &more.products;
             sum.squares += &more.squares;
             sum
@@ -111,15 +122,15 @@ impl Moments {
         self.products[[0, 0]]
     }
 
-    fn of(table: &Table<'_>, targets: &Targets, rows: &[usize]) -> Self {
+    fn of(table: &Table<'_>, targets: &Targets, rows: &[usize], centre: &[f64]) -> Self {
         const BLOCK: usize = 1024;
-        let mut sums = Self::zero(table.dims(), targets.columns);
+        let mut sums = Self::zero(centre, targets.columns);
         let width = 1 + table.dims() + targets.columns;
         for block in rows.chunks(BLOCK) {
             let mut wide = Array2::zeros((block.len(), width));
             for (mut line, &row) in wide.outer_iter_mut().zip(block) {
                 line[0] = 1.0;
-                table.row(row).iter().enumerate().for_each(|(dim, &x)| line[1 + dim] = f64::from(x));
+                table.row(row).iter().enumerate().for_each(|(dim, &x)| line[1 + dim] = f64::from(x) - centre[dim]);
                 targets.row(row).iter().enumerate().for_each(|(column, &y)| line[1 + table.dims() + column] = y);
             }
             sums.products += &wide.slice(s![.., ..=table.dims()]).t().dot(&wide);
@@ -129,7 +140,7 @@ impl Moments {
     }
 
     fn fit(&self, lambda: f64) -> Result<Linear, Error> {
-        let (dims, count) = (self.dims, self.rows());
+        let (dims, count) = (self.centre.len(), self.rows());
         let mean = &self.products.slice(s![0, ..]) / count;
         // Covariances: products less the means'.
         let mut centred = self.products.slice(s![1.., 1..]).to_owned() / count;
@@ -138,8 +149,8 @@ impl Moments {
             let mut line = centred.row_mut(dim);
             line -= &shift;
         }
-        let largest = (0..dims).map(|dim| centred[[dim, dim]] + mean[1 + dim].powi(2)).fold(0.0, f64::max);
-        let scale = Array1::from_shape_fn(dims, |dim| inverse_deviation(centred[[dim, dim]], largest));
+        let of_origin = |dim: usize| self.centre[dim] + mean[1 + dim];
+        let scale = Array1::from_shape_fn(dims, |dim| inverse_deviation(centred[[dim, dim]], of_origin(dim)));
         let mut gram = Array2::from_shape_fn((dims, dims), |(a, b)| centred[[a, b]] * scale[a] * scale[b]);
         gram.diag_mut().mapv_inplace(|x| x + lambda);
         let mut weights = centred.slice(s![.., dims..]).to_owned() * scale.view().insert_axis(Axis(1));
@@ -149,12 +160,14 @@ impl Moments {
         weights *= &scale.insert_axis(Axis(1));
         let shift: Array1<f64> = weights.t().dot(&mean.slice(s![1..=dims]));
         let offset = &mean.slice(s![1 + dims..]) - &shift;
-        Ok(Linear { weights, offset })
+        Ok(Linear { centre: self.centre.clone(), weights, offset })
     }
 }
 
-/// `y = offset + x · weights`.
+/// `y = offset + (x − centre) · weights`.
 struct Linear {
+    /// `[dims]`.
+    centre: Vec<f64>,
     /// `[dims, columns]`.
     weights: Array2<f64>,
     offset: Array1<f64>,
@@ -163,8 +176,8 @@ struct Linear {
 impl Linear {
     fn predict(&self, latent: &[f32]) -> Vec<f64> {
         let mut y = self.offset.to_vec();
-        for (&x, weights) in latent.iter().zip(self.weights.outer_iter()) {
-            y.iter_mut().zip(weights).for_each(|(y, weight)| *y += f64::from(x) * weight);
+        for ((&x, centre), weights) in latent.iter().zip(&self.centre).zip(self.weights.outer_iter()) {
+            y.iter_mut().zip(weights).for_each(|(y, weight)| *y += (f64::from(x) - centre) * weight);
         }
         y
     }
@@ -177,11 +190,11 @@ impl Linear {
 
     /// Squared error of each column on some rows, from their moments alone.
     fn errors(&self, on: &Moments) -> Array1<f64> {
-        let mut full = Array2::zeros((1 + on.dims, self.offset.len()));
+        let mut full = Array2::zeros((1 + on.centre.len(), self.offset.len()));
         full.row_mut(0).assign(&self.offset);
         full.slice_mut(s![1.., ..]).assign(&self.weights);
-        let cross = (&full * &on.products.slice(s![.., 1 + on.dims..])).sum_axis(Axis(0));
-        let quadratic = (&full * &on.products.slice(s![.., ..=on.dims]).dot(&full)).sum_axis(Axis(0));
+        let cross = (&full * &on.products.slice(s![.., 1 + on.centre.len()..])).sum_axis(Axis(0));
+        let quadratic = (&full * &on.products.slice(s![.., ..=on.centre.len()]).dot(&full)).sum_axis(Axis(0));
         &on.squares - 2.0 * &cross + &quadratic
     }
 }

@@ -29,6 +29,26 @@ fn find<'s>(scores: &'s [ProbeScore], quantity: &str, probe: Probe) -> &'s Probe
     scores.iter().find(|score| score.quantity == quantity && score.probe == probe).unwrap()
 }
 
+/// Latents are standardized, so that neither a dimension's unit nor how far it lies from the origin matters.
+#[test]
+fn a_linear_probe_reads_small_dimensions_beside_large_ones_and_far_ones() {
+    let (values, episode, step) = latents();
+    let wanted: Vec<f64> = values.chunks_exact(6).map(|row| f64::from(row[0])).collect();
+    let side: Vec<u32> = wanted.iter().map(|&x| u32::from(x > 0.0)).collect();
+    for (large, far) in [(1.0_f32, 0.0_f32), (1e8, 0.0), (1.0, 3e4)] {
+        let moved = |(at, &x): (usize, &f32)| if at % 6 == 0 { x + far } else { x * large + far };
+        let moved: Vec<f32> = values.iter().enumerate().map(moved).collect();
+        let table = Table::new(6, &moved, &episode, &step).unwrap();
+        let classes =
+            Quantity { name: "side".to_owned(), hold_out: HoldOut::State, values: Values::Classes(side.clone()) };
+        let scores = within(&table, &[numbers("first", wanted.iter().copied()), classes], 3).unwrap();
+        for name in ["first", "side"] {
+            let found = find(&scores, name, Probe::Linear);
+            assert!(found.score.estimate > 0.95, "{large} {far}: {found:?}");
+        }
+    }
+}
+
 #[test]
 fn probes_find_what_is_there_and_nothing_else() {
     let (values, episode, step) = latents();

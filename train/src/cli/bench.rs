@@ -29,14 +29,14 @@ pub(crate) struct BenchArgs {
     /// A recording to measure window sampling on.
     recording: Option<PathBuf>,
     /// Height and width of the pictures.
-    #[arg(long, default_value_t = 64)]
-    size: usize,
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u16).range(10..=2048))]
+    size: u16,
     /// Values of an action.
-    #[arg(long, default_value_t = 2)]
-    actions: usize,
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    actions: u16,
     /// Updates to time; the median counts.
-    #[arg(long, default_value_t = 5)]
-    repeats: usize,
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..))]
+    repeats: u16,
     /// Measure online training too: the whole update with actor and critic, and an episode of this task.
     #[arg(long, value_name = "TASK", num_args = 0..=1, default_missing_value = "cartpole-swingup", conflicts_with = "recording")]
     online: Option<String>,
@@ -51,7 +51,11 @@ pub(crate) struct BenchArgs {
 
 impl BenchArgs {
     fn sizes(&self) -> Sizes {
-        Sizes { picture: self.size, actions: self.actions, repeats: self.repeats }
+        Sizes {
+            picture: usize::from(self.size),
+            actions: usize::from(self.actions),
+            repeats: usize::from(self.repeats),
+        }
     }
 
     /// That nothing was given that is not looked at: of an agent without a world model those of a model, of online training what its task says.
@@ -121,7 +125,7 @@ pub(crate) fn run(context: &Context, args: &BenchArgs) -> Result<()> {
 
 fn online(context: &Context, args: &BenchArgs, options: &Options, task: &str) -> Result<()> {
     let settings = default_options(default_world(task)?, false);
-    let report = bench_online(options, &settings, args.repeats, &args.device.open()?)?;
+    let report = bench_online(options, &settings, usize::from(args.repeats), &args.device.open()?)?;
     if context.json {
         println!("{}", serde_json::to_string(&report)?);
         return Ok(());

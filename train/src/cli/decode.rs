@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::io::IsTerminal;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::Args;
@@ -10,6 +10,7 @@ use indicatif::ProgressBar;
 use vibes_data::Recording;
 use vibes_model::Model;
 use vibes_model::checkpoint::save_tensors;
+use vibes_train::TrainError;
 use vibes_train::decode::{DecodeOptions, decode, decoder_tensors};
 use vibes_train::run::Run;
 
@@ -44,10 +45,28 @@ pub(crate) struct DecodeArgs {
     device: DeviceArgs,
 }
 
+/// That the pictures and the weights beside them can be written, before anything is computed.
+fn check_output(output: &Path, weights: &Path) -> Result<()> {
+    if output == weights {
+        let text = format!(
+            "the decoder's weights are to be written there; name the pictures otherwise, as NAME.arrow: {}",
+            output.display()
+        );
+        anyhow::bail!(TrainError::Options(text));
+    }
+    let folder = output.parent().unwrap_or(Path::new(""));
+    if !folder.as_os_str().is_empty() && !folder.is_dir() {
+        anyhow::bail!(TrainError::Options(format!("-o names a folder that is not there: {}", folder.display())));
+    }
+    Ok(())
+}
+
 pub(crate) fn run(context: &Context, args: &DecodeArgs) -> Result<()> {
     let run = Run::open(&args.run)?;
     let checkpoint = run.newest_model()?;
     let output = args.output.clone().unwrap_or_else(|| args.run.join("decoded.arrow"));
+    let weights = output.with_extension("safetensors");
+    check_output(&output, &weights)?;
     let fit = Recording::open(&args.recording)?;
     let show = args.show.as_ref().map(|path| Recording::open(path)).transpose()?;
     let device = args.device.open()?;
@@ -67,7 +86,6 @@ pub(crate) fn run(context: &Context, args: &DecodeArgs) -> Result<()> {
     bar.finish_and_clear();
     decoding.decoded.objective = Some(run.info().options.objective.to_string());
     decoding.decoded.write(&output)?;
-    let weights = output.with_extension("safetensors");
     save_tensors(&weights, &decoder_tensors(&decoding.decoder), HashMap::new())?;
     let (first, last) = decoding.errors;
     let explained = decoding.decoded.explained.unwrap_or(f64::NAN);

@@ -161,11 +161,10 @@ pub(crate) fn tell_held_out(context: &Context, grid: &Recording, fitted: &[Recor
 
 fn print_report(report: &Report) {
     let GridSize { states, distractors, steps, dropped } = &report.grid;
-    if dropped.states.len() + dropped.distractors.len() > 0 {
-        println!(
-            "the grid has holes: shares and retrieval are of {states} × {distractors} whole trajectories of {steps} steps, without states {:?} and distractors {:?}",
-            dropped.states, dropped.distractors
-        );
+    let remarks = dropped.remarks();
+    if !remarks.is_empty() {
+        remarks.iter().for_each(|remark| println!("{remark}"));
+        println!("shares and retrieval are of {states} × {distractors} trajectories of {steps} steps");
     }
     println!("{:<52} {:>24} {:>13} {:>7}", "number", "latents [95% interval]", "past actions", "chance");
     let is_probe = |number: &&Number| number.name.starts_with("probe");

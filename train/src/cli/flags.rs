@@ -41,8 +41,8 @@ struct OptionFlags {
     /// auto (pixels where there are any), pixels or vectors.
     #[arg(long)]
     observations: Option<String>,
-    /// Seed of the first weights, the windows and the noise.
-    #[arg(long)]
+    /// Seed of the first weights, the windows and the noise, at most 9223372036854775807.
+    #[arg(long, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: Option<u64>,
     /// Updates to make in all.
     #[arg(long)]

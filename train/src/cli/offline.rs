@@ -69,7 +69,8 @@ pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
     if let Some(held_out) = &held_out {
         tell_held_out(context, &held_out.grid, &recordings);
     }
-    let mut log = args.log_windows.then(|| WindowLog::open(run.path())).transpose()?;
+    let updates = run.checkpoints().last().copied().unwrap_or(0);
+    let mut log = args.log_windows.then(|| WindowLog::open(run.path(), updates)).transpose()?;
     let end = fit(&run, &recordings, &device, held_out.as_ref(), &mut |event| {
         progress.show(&event);
         if let (Some(log), Event::Windows { update, batch }) = (&mut log, &event) {

@@ -365,8 +365,9 @@ fn children(context: &Context, plan: &Path, elements: &[Element], jobs: usize, s
         }
         running = going;
     }
-    if saved && failed.is_empty() {
-        say(context, "stopped and saved; the same command goes on");
+    if saved {
+        let failed = if failed.is_empty() { String::new() } else { format!(" ({} failed)", failed.len()) };
+        say(context, &format!("stopped and saved{failed}; the same command goes on"));
         return Ok(Ending::Again);
     }
     ended(&failed, elements.len())

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result};
 use serde_json::json;
 use vibes_data::{WindowBatch, sha256_hex};
+use vibes_train::json::keep_lines;
 
 #[derive(Debug)]
 pub(super) struct WindowLog {
@@ -19,9 +20,10 @@ pub(super) struct WindowLog {
 }
 
 impl WindowLog {
-    /// Opens the run's log; a run that goes on adds to it.
-    pub(super) fn open(run: &Path) -> Result<Self> {
+    /// Opens the log of a run that has made so many updates, and adds to it: lines that a stopped run wrote after its last checkpoint go, since those updates are made again.
+    pub(super) fn open(run: &Path, updates: u64) -> Result<Self> {
         let path = run.join("windows.jsonl");
+        keep_lines(&path, |line| line["update"].as_u64().is_some_and(|update| update < updates))?;
         let file = OpenOptions::new().create(true).append(true).open(&path);
         let file = file.with_context(|| format!("cannot write {}", path.display()))?;
         Ok(Self { path, file: BufWriter::new(file), refusal: None })

@@ -29,7 +29,16 @@ fn unknown_names_list_the_known_ones() {
 
 #[test]
 fn impossible_values_are_refused() {
-    for text in ["batch = 0", "lr = 0", "latent_std = -1.0", "length = 3", "objective = 'dreamer'", "lr = nan"] {
+    for text in [
+        "batch = 0",
+        "lr = 0",
+        "latent_std = -1.0",
+        "length = 3",
+        "objective = 'dreamer'",
+        "lr = nan",
+        "hidden = 65537",
+        "batch = 1000000000000",
+    ] {
         let layer: Table = text.parse().unwrap();
         assert!(Options::resolve("small", &[("the arguments", layer)]).is_err(), "{text}");
     }
@@ -47,7 +56,7 @@ fn no_number_may_be_anything_but_finite() {
         .collect();
     assert!(numbers.len() > 15, "{numbers:?}");
     for key in numbers {
-        for value in [f64::INFINITY, f64::NEG_INFINITY, f64::NAN, -1.0] {
+        for value in [f64::INFINITY, f64::NEG_INFINITY, f64::NAN, -1.0, 1e39, 1e-46] {
             let layer = Table::from_iter([(key.clone(), toml::Value::Float(value))]);
             let error = Options::resolve("small", &[("the arguments", layer)]).unwrap_err().to_string();
             assert!(error.contains(&key.replace('_', "-")), "{key} = {value}: {error}");

@@ -8,6 +8,7 @@ use vibes_measure::clusters::{Method, clusters};
 use vibes_measure::neighbours::{Exclude, Metric, Space, nearest};
 
 use super::super::maps::MadeMap;
+use super::super::nn::rows_elsewhere;
 use super::super::session::Session;
 use super::Options;
 use crate::input::{Frames, UserColumn};
@@ -57,13 +58,6 @@ pub(super) fn live_map(
         framed,
         frames: pictures,
     })
-}
-
-/// Rows that every row has outside its own episode, at least.
-fn rows_elsewhere(episodes: &[u32]) -> usize {
-    let mut counts = BTreeMap::new();
-    episodes.iter().for_each(|&episode| *counts.entry(episode).or_insert(0) += 1);
-    episodes.len() - counts.values().copied().max().unwrap_or(0)
 }
 
 /// The rows that can be chosen: some of everywhere, and a few episodes nearly whole, so that they can be seen as films; in order of time.

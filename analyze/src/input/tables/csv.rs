@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use polars::prelude::{PlSmallStr, Series};
+use polars::prelude::{NamedFrom, PlSmallStr, Series};
 use polars_io::SerReader;
 use polars_io::csv::read::{CsvParseOptions, CsvReadOptions};
 
@@ -31,8 +31,22 @@ pub(super) fn read(path: &Path, names: &[String]) -> Result<Vec<Series>, InputEr
     // All rows decide a column's type: one fraction after a thousand whole numbers makes a column of floats.
     let options = options(path, Some(columns))?.with_infer_schema_length(None);
     let frame = options.try_into_reader_with_file_path(Some(path.into())).map_err(fault)?.finish().map_err(fault)?;
-    let column = |name: &String| Ok(frame.column(name).map_err(fault)?.as_materialized_series().clone());
+    let column = |name: &String| {
+        let series = frame.column(name).map_err(fault)?.as_materialized_series();
+        Ok(numbers(series).unwrap_or_else(|| series.clone()))
+    };
     names.iter().map(column).collect()
+}
+
+/// A column of texts that are all numbers, `nan` as Python writes it, or empty, as numbers; none of another one. Polars takes a column for texts where nothing is in it, or one
+/// `nan` is.
+fn numbers(series: &Series) -> Option<Series> {
+    let number = |text: Option<&str>| match text.map(str::trim) {
+        None | Some("") => Some(None),
+        Some(text) => text.parse::<f64>().ok().map(Some),
+    };
+    let values: Option<Vec<Option<f64>>> = series.str().ok()?.iter().map(number).collect();
+    Some(Series::new(series.name().clone(), values?))
 }
 
 fn options(path: &Path, columns: Option<Arc<[PlSmallStr]>>) -> Result<CsvReadOptions, InputError> {
