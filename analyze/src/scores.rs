@@ -284,7 +284,8 @@ fn latex(rows: &[Vec<Cell>]) -> String {
 
 /// Commands of ours stay, a user's signs are escaped.
 fn latex_escaped(text: &str) -> String {
-    let text = text.replace('_', "\\_").replace('%', "\\%").replace('&', "\\&").replace('#', "\\#");
+    let text = text.replace('_', "\\_").replace('%', "\\%").replace('&', "\\&").replace('#', "\\#").replace('$', "\\$");
+    let text = text.replace('^', "\\textasciicircum{}").replace('~', "\\textasciitilde{}");
     text.replace('±', "$\\pm$").replace('−', "$-$").replace('–', "--")
 }
 

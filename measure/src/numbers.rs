@@ -107,8 +107,8 @@ pub fn grid_numbers(
 ) -> Result<Numbers, Error> {
     let mut numbers = of_grid(latents, options)?;
     let control = match past_actions.map(|grid| of_grid(grid, options)) {
-        // Actions that do not vary are no control.
-        None | Some(Err(Error::Constant { .. })) => None,
+        // Actions that do not vary, or that all cells share, are no control.
+        None | Some(Err(Error::Constant { .. } | Error::AlikeAtEveryStep { .. })) => None,
         Some(control) => Some(control?),
     };
     if let Some(control) = control {

@@ -27,7 +27,10 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
     for other in &recordings[1..] {
         let kind = observation_kind(other, options.observations)?;
         let repeats = [spec, &other.manifest().spec].map(|spec| spec.action_repeat);
-        let is_alike = other.manifest().spec.task == spec.task && other.manifest().spec.action == spec.action;
+        // An imported recording may be called after its file.
+        let is_imported = [first, other].iter().any(|recording| recording.manifest().options.get("imported").is_some());
+        let is_of_task = is_imported || other.manifest().spec.task == spec.task;
+        let is_alike = is_of_task && other.manifest().spec.action == spec.action;
         if !is_alike || kind != observation || repeats[0] != repeats[1] {
             let (found, wanted) = (describe(&other.manifest().spec, kind), describe(spec, observation));
             return Err(TrainError::OtherRecording { found, wanted, path: other.path().to_owned() });

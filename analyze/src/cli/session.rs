@@ -235,9 +235,12 @@ impl Session {
         Heading::new(title).with_note(self.input.table.note.clone())
     }
 
-    /// Writes a figure and lists its files.
+    /// Writes a figure and lists its files. Where another of this session has the name already, as that of a user's column called like one of ours, it is numbered.
     pub(super) fn save(&mut self, figure: &Figure, stem: &str) -> anyhow::Result<()> {
-        self.outcome.files.extend(figure.save(&self.out, stem)?);
+        let is_taken = |name: &str| self.outcome.files.contains(&self.out.join(format!("{name}.png")));
+        let numbered = (2..).map(|number| format!("{stem}-{number}"));
+        let free = std::iter::once(stem.to_owned()).chain(numbered).find(|name| !is_taken(name));
+        self.outcome.files.extend(figure.save(&self.out, free.as_deref().unwrap_or(stem))?);
         Ok(())
     }
 

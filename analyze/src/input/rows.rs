@@ -213,7 +213,7 @@ impl Parser {
             left = match sign {
                 "*" => left * right,
                 // As everywhere else in numbers: whole ones would lose their fraction.
-                "/" => left.cast(DataType::Float64) / right,
+                "/" => left.strict_cast(DataType::Float64) / right,
                 _ => left % right,
             };
         }

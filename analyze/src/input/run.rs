@@ -136,7 +136,7 @@ impl Run {
         }
         let series = found.map(|(_, series)| series).filter(|series| !series.is_empty())?;
         // Evaluations are whole, as the lines of training batches are not.
-        if name.starts_with(HELD_OUT) {
+        if name.strip_prefix(HELD_OUT).is_some_and(|rest| rest.starts_with('.')) {
             return series.last().map(|point| point.1);
         }
         let count = (series.len() / 10).max(1);

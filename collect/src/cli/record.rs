@@ -143,7 +143,7 @@ impl RecordArgs {
             video_set: self.video_set,
             video_count,
             size: (!self.no_pixels).then_some(self.size.or(home.size).unwrap_or(DEFAULT_SIZE)),
-            look: self.render.unwrap_or(home.look),
+            look: self.render.unwrap_or(if self.no_pixels { Look::default() } else { home.look }),
             axis_seeds: self.axis_seeds.into(),
             acting: mix
                 .shares()

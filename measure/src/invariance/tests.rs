@@ -5,6 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use super::{
     Grid, RetrievalOptions, VarianceSplit, denoising_factor, retrieval_any_step, retrieval_same_step, variance,
 };
+use crate::numbers::{GridOptions, grid_numbers};
 use crate::{Error, Table};
 
 /// Rows of a grid whose latent is `latent(state, distractor, step)`.
@@ -55,6 +56,12 @@ fn latents_that_differ_between_steps_alone_have_no_shares() {
             matches!(error, Error::AlikeAtEveryStep { cells } if cells == (states * distractors) as usize),
             "{error}"
         );
+        // As a control they are none, and what they would have stood beside is there.
+        let latents = Rows::new(states, distractors, 9, |i, j, t| vec![i as f32 + 0.1 * j as f32, t as f32]);
+        let (latents, control) = (Grid::new(latents.table()).unwrap(), Grid::new(rows.table()).unwrap());
+        let numbers = grid_numbers(&latents, Some(&control), &GridOptions::default()).unwrap();
+        let share = numbers.get("state_share").unwrap();
+        assert!(share.value.estimate > 0.9 && share.past_actions.is_none(), "{share:?}");
     }
 }
 

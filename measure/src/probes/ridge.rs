@@ -149,8 +149,11 @@ impl Moments {
             let mut line = centred.row_mut(dim);
             line -= &shift;
         }
-        let of_origin = |dim: usize| self.centre[dim] + mean[1 + dim];
-        let scale = Array1::from_shape_fn(dims, |dim| inverse_deviation(centred[[dim, dim]], of_origin(dim)));
+        // A dimension that these rows do not vary in, and others do, lies off the table's mean: what products leave of its variance is rounding.
+        let scale = Array1::from_shape_fn(dims, |dim| {
+            let (variance, off) = (centred[[dim, dim]], mean[1 + dim]);
+            if variance > 1e-12 * off * off { inverse_deviation(variance, self.centre[dim] + off) } else { 0.0 }
+        });
         let mut gram = Array2::from_shape_fn((dims, dims), |(a, b)| centred[[a, b]] * scale[a] * scale[b]);
         gram.diag_mut().mapv_inplace(|x| x + lambda);
         let mut weights = centred.slice(s![.., dims..]).to_owned() * scale.view().insert_axis(Axis(1));

@@ -49,6 +49,24 @@ fn a_linear_probe_reads_small_dimensions_beside_large_ones_and_far_ones() {
     }
 }
 
+/// As of features that are mostly zero: the folds that are fitted on show nothing of it.
+#[test]
+fn a_dimension_that_moves_in_one_trajectory_alone_spoils_no_probe() {
+    for seed in 0..12 {
+        let mut rng = generator(seed);
+        let mut values: Vec<f32> = (0..400 * 4).map(|_| rng.random_range(-1.0..1.0)).collect();
+        for (row, latent) in values.chunks_exact_mut(4).enumerate() {
+            latent[3] = if row / 40 == 6 { latent[3] + 0.3 } else { 0.0 };
+        }
+        let (episode, step): (Vec<u32>, Vec<u32>) = (0..400).map(|row| (row / 40, row % 40)).unzip();
+        let table = Table::new(4, &values, &episode, &step).unwrap();
+        let wanted = values.chunks_exact(4).map(|row| f64::from(row[0]) - 2.0 * f64::from(row[1]));
+        let scores = within(&table, &[numbers("first", wanted)], seed).unwrap();
+        let found = find(&scores, "first", Probe::Linear);
+        assert!(found.score.estimate > 0.98, "seed {seed}: {found:?}");
+    }
+}
+
 #[test]
 fn probes_find_what_is_there_and_nothing_else() {
     let (values, episode, step) = latents();

@@ -12,6 +12,7 @@ use vibes_train::run::Run;
 use vibes_train::trained::TrainedRun;
 
 use super::Context;
+use super::online_progress::on_videos;
 
 #[derive(Debug, Args)]
 pub(crate) struct InfoArgs {
@@ -91,8 +92,9 @@ fn of_model_free(context: &Context, folder: &Folder) -> Result<()> {
         number("episodes"),
         number("update")
     );
-    if let Some(mean) = evaluation.and_then(|line| line.get("held_out")?.get("mean_return")?.as_f64()) {
-        println!("  return       {mean:.1} in the last evaluation, held-out videos");
+    let line = evaluation.cloned().map(serde_json::Value::Object).unwrap_or_default();
+    if let Some(mean) = line["held_out"]["mean_return"].as_f64() {
+        println!("  return       {mean:.1} in the last evaluation{}", on_videos(&line));
     }
     Ok(())
 }

@@ -225,8 +225,10 @@ pub(crate) fn run(context: &Context, folder: &Folder, device: DeviceArgs) -> Res
                 }
             }
             Event::Evaluated(evaluation) => say(&format!(
-                "evaluated at {} control steps: mean return {:.1} on held-out videos",
-                evaluation.counters.control_steps, evaluation.held_out.mean_return
+                "evaluated at {} control steps: mean return{} {:.1}",
+                evaluation.counters.control_steps,
+                if evaluation.gap.is_some() { " on held-out videos" } else { "" },
+                evaluation.held_out.mean_return
             )),
         }
         if stop.load(std::sync::atomic::Ordering::Relaxed) { Go::Stop } else { Go::On }

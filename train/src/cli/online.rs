@@ -26,7 +26,7 @@ use super::Context;
 use super::device::DeviceArgs;
 use super::flags::OptionArgs;
 use super::model_free::{self, ModelFreeArgs};
-use super::online_progress::{OnlineProgress, protocol_of};
+use super::online_progress::{OnlineProgress, on_videos, protocol_of};
 
 /// Where to begin.
 #[derive(Debug, Args)]
@@ -212,7 +212,8 @@ fn report(context: &Context, run: &Run, options: &OnlineOptions, end: End) -> Re
         return Ok(());
     }
     let found = last.as_ref().and_then(|line| line["held_out"]["mean_return"].as_f64());
-    let (on, set) = if options.world.has_videos() { (" on held-out videos", " --video-set val") } else { ("", "") };
+    let set = if options.world.has_videos() { " --video-set val" } else { "" };
+    let on = last.as_ref().map_or("", on_videos);
     let text = found.map_or(String::new(), |mean| format!("; mean return{on} {mean:.1}"));
     match end {
         End::Nothing => {

@@ -108,6 +108,11 @@ impl OnlineProgress {
     }
 }
 
+/// ` on held-out videos` where an evaluation is: where nobody sees a video, the returns of the two sets are those of the same episodes.
+pub(crate) fn on_videos(evaluation: &serde_json::Value) -> &'static str {
+    if evaluation["held_out"] == evaluation["training_videos"] { "" } else { " on held-out videos" }
+}
+
 /// The protocol that the last evaluation of a run is one of; none of one that was made on the way, or before its control steps were lived through.
 pub(crate) fn protocol_of(last: Option<&serde_json::Value>) -> Option<&str> {
     last.filter(|line| line["is_final"] == true)?["protocol"].as_str()
@@ -138,9 +143,13 @@ fn evaluated(evaluation: &Evaluation) -> String {
     let training = &evaluation.training_videos;
     let gap =
         evaluation.gap.as_ref().map_or(String::new(), |gap| format!(", gap {:.1}{}", gap.mean, interval(gap.interval)));
+    // Without a gap nobody sees a video, and the two sets are one.
+    let has_videos = evaluation.gap.is_some();
+    let on = if has_videos { " on held-out videos" } else { "" };
     let training = format!(", training videos {:.1}{}{gap}", training.mean_return, interval(training.interval));
+    let training = if has_videos { training } else { String::new() };
     format!(
-        "after {} control steps ({} agent steps): mean return on held-out videos {:.1}{} of {} episodes{training}",
+        "after {} control steps ({} agent steps): mean return{on} {:.1}{} of {} episodes{training}",
         evaluation.counters.control_steps,
         evaluation.counters.agent_steps,
         held_out.mean_return,

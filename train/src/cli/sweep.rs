@@ -365,8 +365,10 @@ fn children(context: &Context, plan: &Path, elements: &[Element], jobs: usize, s
         }
         running = going;
     }
-    if saved {
-        let failed = if failed.is_empty() { String::new() } else { format!(" ({} failed)", failed.len()) };
+    // A run that failed is no reason to begin what was stopped anew, and a run that another process owns none to pass over one that failed.
+    if saved && (failed.is_empty() || stop.load(Ordering::Relaxed)) {
+        let names = failed.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+        let failed = if failed.is_empty() { names } else { format!(", but {names}, which failed") };
         say(context, &format!("stopped and saved{failed}; the same command goes on"));
         return Ok(Ending::Again);
     }

@@ -41,7 +41,8 @@ impl WindowLog {
             "reward": numbers(&batch.rewards),
             "is_first": sha256_hex(&batch.is_first.iter().map(|&first| u8::from(first)).collect::<Vec<_>>()),
         });
-        if let Err(refusal) = writeln!(self.file, "{line}") {
+        // Each line at once: a killed run goes on after its last checkpoint, which comes after these.
+        if let Err(refusal) = writeln!(self.file, "{line}").and_then(|()| self.file.flush()) {
             self.refusal.get_or_insert(refusal);
         }
     }
