@@ -96,7 +96,7 @@ pub struct Setup<'a> {
 /// Trains until the control steps are lived through and the last evaluation is made, or the listener stops it; goes on from the newest checkpoint.
 ///
 /// # Errors
-/// See [`TrainError`]; everything up to the last checkpoint is kept.
+/// See [`TrainError`](crate::TrainError); everything up to the last checkpoint is kept.
 pub fn online(setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
     online_living(actor::as_it_is, setup, listen)
 }

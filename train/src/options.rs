@@ -166,7 +166,6 @@ impl Options {
             ("minutes", self.minutes),
             ("adam-epsilon", self.adam_epsilon),
             ("dynamics-weight", self.dynamics_weight),
-            ("dynamics-after", self.dynamics_after),
             ("reward-weight", self.reward_weight),
         ];
         match negative.iter().find(|(_, value)| *value < 0.0) {

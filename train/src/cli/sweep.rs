@@ -365,10 +365,10 @@ fn children(context: &Context, plan: &Path, elements: &[Element], jobs: usize, s
         }
         running = going;
     }
-    // A run that failed is no reason to begin what was stopped anew, and a run that another process owns none to pass over one that failed.
+    // What was stopped goes on with the same command, also where a run failed; that another process owns a run is no reason to pass over one that failed.
     if saved && (failed.is_empty() || stop.load(Ordering::Relaxed)) {
         let names = failed.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
-        let failed = if failed.is_empty() { names } else { format!(", but {names}, which failed") };
+        let failed = if failed.is_empty() { names } else { format!("; failed: {names}") };
         say(context, &format!("stopped and saved{failed}; the same command goes on"));
         return Ok(Ending::Again);
     }

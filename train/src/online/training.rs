@@ -15,11 +15,11 @@ use vibes_model::trained::TrainedAgent;
 use super::actor::{ActorThread, EpisodeKind, Task, episode_seed};
 use super::checkpoint::{OnlineState, Resumed, save_behaviour};
 use super::line::{Line, Pace, Round};
+use super::updates::Learners;
 use super::{Event, Setup, evaluate, unfinished, updates};
 use crate::error::{Result, TrainError};
 use crate::fit::{End, Go};
 use crate::learners::behaviour::BehaviourLearner;
-use crate::learners::world::Learner;
 use crate::replay::Replay;
 use crate::session::{Session, first_learner};
 use crate::windows::{Purpose, update_rng};
@@ -31,9 +31,6 @@ const FIRST_UPDATES_AT_ONCE: u64 = 20;
 /// Time between checkpoints that a round, or so many of the first updates, is not begun to end beyond, unless it is longer by itself, so that a kill hardly ever costs more than two
 /// minutes.
 pub(super) const BETWEEN_SAVES: Duration = Duration::from_secs(100);
-
-/// The learner of the world model, and that of actor and critic: an update takes them and gives them back.
-pub(super) type Learners = (Learner, BehaviourLearner);
 
 /// A run at work.
 pub(super) struct Training<'a> {

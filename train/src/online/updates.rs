@@ -8,7 +8,6 @@ use std::time::Instant;
 use vibes_model::World;
 
 use super::line::Round;
-use super::training::Learners;
 use super::{Event, Setup};
 use crate::error::{Result, TrainError};
 use crate::fit::Go;
@@ -18,6 +17,9 @@ use crate::learners::world::Learner;
 use crate::replay::Replay;
 use crate::session::Session;
 use crate::windows::{Prefetch, Purpose, update_rng};
+
+/// The learner of the world model, and that of actor and critic: an update takes them and gives them back.
+pub(super) type Learners = (Learner, BehaviourLearner);
 
 /// Makes `count` updates of world model, actor and critic on what has been admitted, of which actor and critic have made `done` before.
 ///

@@ -57,6 +57,9 @@ fn no_number_may_be_anything_but_finite() {
     assert!(numbers.len() > 15, "{numbers:?}");
     for key in numbers {
         for value in [f64::INFINITY, f64::NEG_INFINITY, f64::NAN, -1.0, 1e39, 1e-46] {
+            if key == "dynamics_after" && value == -1.0 {
+                continue; // A condition that is met from the start.
+            }
             let layer = Table::from_iter([(key.clone(), toml::Value::Float(value))]);
             let error = Options::resolve("small", &[("the arguments", layer)]).unwrap_err().to_string();
             assert!(error.contains(&key.replace('_', "-")), "{key} = {value}: {error}");
