@@ -120,7 +120,7 @@ fn inverse_deviation(variance: f64, mean: f64) -> f64 {
 /// # Errors
 /// Distractors are to be held out, and the table is of no grid.
 pub fn held_out_trajectories(table: &Table<'_>, hold_out: HoldOut) -> Result<usize, Error> {
-    Ok(deal::groups(table, hold_out)?.iter().max().map_or(0, |&last| last as usize + 1))
+    Ok(deal::count(&deal::groups(table, hold_out)?))
 }
 
 /// A score as its share of the way from chance to 1: an accuracy over chance, and an R², whose chance is 0, as it is.

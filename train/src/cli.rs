@@ -102,6 +102,15 @@ fn dispatch(cli: Cli) -> anyhow::Result<Ending> {
     Ok(Ending::Done)
 }
 
+/// That the folder of what is to be written is there, before anything is computed.
+fn check_place(output: &std::path::Path) -> anyhow::Result<()> {
+    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir());
+    folder.map_or(Ok(()), |folder| {
+        let text = format!("-o names a folder that is not there: {}", folder.display());
+        Err(TrainError::Options(text).into())
+    })
+}
+
 /// `runs/<recording>-<objective>` beside nothing in particular: in the current folder.
 fn default_run(recording: &std::path::Path, objective: &str) -> PathBuf {
     let absolute = std::path::absolute(recording).unwrap_or_else(|_| recording.to_owned());

@@ -174,6 +174,18 @@ pub(crate) fn malformed(path: &Path, fact: impl std::fmt::Display, wanted: &str)
     TrainError::Malformed { fact: fact.to_string(), wanted: wanted.to_owned(), path: path.to_owned() }
 }
 
+/// The refusal of the first of these options whose value is wrong, by its flag, with what it must be.
+pub(crate) fn refuse<T: Copy + std::fmt::Display>(
+    options: &[(&str, T)],
+    is_wrong: impl Fn(T) -> bool,
+    must: impl std::fmt::Display,
+) -> Result<()> {
+    match options.iter().find(|(_, value)| is_wrong(*value)) {
+        Some((name, value)) => Err(TrainError::Options(format!("--{name} is {value}; it must {must}"))),
+        None => Ok(()),
+    }
+}
+
 /// What to do about a damaged checkpoint.
 fn remedy(before: Option<u64>) -> String {
     match before {

@@ -134,13 +134,21 @@ impl Averages {
 /// # Errors
 /// The file cannot be read, or a line is not a row.
 pub fn read_rows(path: &Path) -> Result<Vec<Row>> {
+    rows_of(Metrics::read(path)?, path)
+}
+
+/// The rows among lines that were read from `path`, as [`read_rows`] has them.
+///
+/// # Errors
+/// A line is not a row.
+pub fn rows_of(metrics: Metrics, path: &Path) -> Result<Vec<Row>> {
     let row = |mut line: Map<String, Value>| {
         // What was no number was written as null, and an online run's lines name its protocol.
         line.retain(|_, value| value.is_number());
         serde_json::from_value(Value::Object(line))
             .map_err(|error| malformed(path, error, "one JSON object of metrics a line"))
     };
-    Metrics::read(path)?.lines.into_iter().filter(|line| line.contains_key("objective")).map(row).collect()
+    metrics.lines.into_iter().filter(|line| line.contains_key("objective")).map(row).collect()
 }
 
 #[cfg(test)]

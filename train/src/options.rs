@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use toml::Table;
 use vibes_model::{ModelConfig, ObservationKind};
 
-use crate::error::{Result, TrainError, io, malformed};
+use crate::error::{Result, TrainError, io, malformed, refuse};
 use crate::learners::auxiliary::{asked, steps_ahead};
 use crate::learners::declared;
 use crate::learners::objective::Objective;
@@ -138,13 +138,8 @@ impl Options {
             ("head", self.head),
             ("latent", self.latent),
         ];
-        if let Some((name, value)) = sizes.iter().find(|(_, value)| *value > MOST) {
-            return Err(TrainError::Options(format!("--{name} is {value}; it must be at most {MOST}")));
-        }
-        let small = positive.iter().find(|(_, value)| *value <= 0.0);
-        if let Some((name, value)) = small {
-            return Err(TrainError::Options(format!("--{name} is {value}; it must be above 0")));
-        }
+        refuse(&sizes, |value| value > MOST, format_args!("be at most {MOST}"))?;
+        refuse(&positive, |value| value <= 0.0, "be above 0")?;
         if self.length < self.burn_in.saturating_add(2) {
             let (length, burn_in) = (self.length, self.burn_in);
             return Err(TrainError::Options(format!(
@@ -168,10 +163,7 @@ impl Options {
             ("dynamics-weight", self.dynamics_weight),
             ("reward-weight", self.reward_weight),
         ];
-        match negative.iter().find(|(_, value)| *value < 0.0) {
-            Some((name, value)) => Err(TrainError::Options(format!("--{name} is {value}; it must be 0 or above"))),
-            None => Ok(()),
-        }
+        refuse(&negative, |value| value < 0.0, "be 0 or above")
     }
 
     /// The first option that is no finite number, or none in single precision, in which models hold theirs: no file of a run could hold it.

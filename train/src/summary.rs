@@ -11,7 +11,7 @@ use vibes_measure::probes::{Fitting, Probe};
 use crate::error::Result;
 use crate::evaluate::open_loop::AHEAD;
 use crate::learners::auxiliary::REGISTRY;
-use crate::metrics::{Row, read_rows};
+use crate::metrics::{Row, rows_of};
 use crate::run::{Run, RunInfo};
 
 /// Evaluations shown; of more, the first, the last and some between.
@@ -22,8 +22,9 @@ const SHOWN: usize = 12;
 /// # Errors
 /// The numbers cannot be read or the page cannot be written.
 pub fn write_summary(run: &Run) -> Result<()> {
-    let rows = read_rows(&run.metrics_path())?;
-    let control_steps = Metrics::read(&run.metrics_path())?.last("control_steps");
+    let metrics = Metrics::read(&run.metrics_path())?;
+    let control_steps = metrics.last("control_steps");
+    let rows = rows_of(metrics, &run.metrics_path())?;
     let evaluations = Metrics::read(&run.evaluations_path())?.lines.into_iter().map(Json::Object).collect::<Vec<_>>();
     // The page about a run stands below online training and reads of it what lies on disk.
     let online = std::fs::read(run.path().join("online.json")).unwrap_or_default();

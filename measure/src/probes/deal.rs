@@ -18,6 +18,11 @@ pub(super) fn groups(table: &Table<'_>, hold_out: HoldOut) -> Result<Vec<u32>, E
     }
 }
 
+/// How many groups there are.
+pub(super) fn count(groups: &[u32]) -> usize {
+    groups.iter().max().map_or(0, |&last| last as usize + 1)
+}
+
 /// Groups dealt into folds, and within each fold into five parts, over which a penalty is chosen.
 pub(super) struct Deal {
     /// The fold of each row.

@@ -2,7 +2,7 @@
 
 use rand::Rng;
 
-use super::deal::{Deal, groups};
+use super::deal::{Deal, count, groups};
 use super::quantity::{Predictions, Targets};
 use super::score::Judge;
 use super::{Fitting, HoldOut, Probe, ProbeOptions, ProbeScore, Sample, Values, knn, logistic, ridge};
@@ -17,7 +17,7 @@ pub(super) fn within(
 ) -> Result<Vec<[ProbeScore; 2]>, Error> {
     let table = &judged.table;
     let groups = groups(table, hold_out)?;
-    let count = groups.iter().max().map_or(0, |&last| last as usize + 1);
+    let count = count(&groups);
     if count < 2 {
         return Err(Error::TooFewRows { what: "a probe: trajectories", needed: 2, found: count });
     }
@@ -58,7 +58,7 @@ pub(super) fn fitted_elsewhere(
     rng: &mut impl Rng,
 ) -> Result<Vec<[ProbeScore; 2]>, Error> {
     let groups = fitted.table.state_trajectories();
-    let count = groups.iter().max().map_or(0, |&last| last as usize + 1);
+    let count = count(&groups);
     let deal = Deal::new(&groups, count, options.folds, rng);
     let theirs = Targets::new(&fitted.table, fitted.quantities)?;
     let means = theirs.means();

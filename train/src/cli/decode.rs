@@ -14,8 +14,8 @@ use vibes_train::TrainError;
 use vibes_train::decode::{DecodeOptions, decode, decoder_tensors};
 use vibes_train::run::Run;
 
-use super::Context;
 use super::device::DeviceArgs;
+use super::{Context, check_place};
 
 #[derive(Debug, Args)]
 pub(crate) struct DecodeArgs {
@@ -54,11 +54,7 @@ fn check_output(output: &Path, weights: &Path) -> Result<()> {
         );
         anyhow::bail!(TrainError::Options(text));
     }
-    let folder = output.parent().unwrap_or(Path::new(""));
-    if !folder.as_os_str().is_empty() && !folder.is_dir() {
-        anyhow::bail!(TrainError::Options(format!("-o names a folder that is not there: {}", folder.display())));
-    }
-    Ok(())
+    check_place(output)
 }
 
 pub(crate) fn run(context: &Context, args: &DecodeArgs) -> Result<()> {

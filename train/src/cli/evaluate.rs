@@ -17,8 +17,8 @@ use vibes_train::evaluate::{
 };
 use vibes_train::trained::TrainedRun;
 
-use super::Context;
 use super::device::DeviceArgs;
+use super::{Context, check_place};
 
 #[derive(Debug, Args)]
 pub(crate) struct EvaluateArgs {
@@ -104,10 +104,7 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     let gap_updates = args.affordable_gaps(context, &run, &training)?;
     let output = args.output.clone().unwrap_or_else(|| run.places().path().join("evaluation.json"));
     let folder = output.parent().unwrap_or(Path::new(""));
-    if !folder.as_os_str().is_empty() && !folder.is_dir() {
-        // Before anything is computed.
-        anyhow::bail!(TrainError::Options(format!("-o names a folder that is not there: {}", folder.display())));
-    }
+    check_place(&output)?;
     let device = args.device.open()?;
     let (trained, checkpoint) = run.load(&device)?;
     let to_fit = match &training {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::Args;
 use vibes_data::Metrics;
-use vibes_train::metrics::{Row, read_rows};
+use vibes_train::metrics::{Row, rows_of};
 use vibes_train::online::model_free::folder::Folder;
 use vibes_train::online::options::OnlineOptions;
 use vibes_train::run::Run;
@@ -28,7 +28,9 @@ pub(crate) fn run(context: &Context, args: &InfoArgs) -> Result<()> {
 }
 
 fn of_world_model(context: &Context, run: &Run) -> Result<()> {
-    let rows = read_rows(&run.metrics_path())?;
+    let metrics = Metrics::read(&run.metrics_path())?;
+    let control_steps = metrics.last("control_steps");
+    let rows = rows_of(metrics, &run.metrics_path())?;
     let checkpoints = run.checkpoints();
     if context.json {
         let last = rows.last();
@@ -54,7 +56,7 @@ fn of_world_model(context: &Context, run: &Run) -> Result<()> {
         print_protocol(&online);
     }
     if let Some(last) = rows.last() {
-        print_row(last, options.updates, Metrics::read(&run.metrics_path())?.last("control_steps"));
+        print_row(last, options.updates, control_steps);
     }
     Ok(())
 }

@@ -19,7 +19,7 @@ use vibes_train::online::options::OnlineOptions;
 
 use super::Context;
 use super::device::DeviceArgs;
-use super::online_progress::protocol_of;
+use super::online_progress::{on, protocol_of};
 
 /// Time between lines.
 const EVERY: Duration = Duration::from_secs(15);
@@ -227,7 +227,7 @@ pub(crate) fn run(context: &Context, folder: &Folder, device: DeviceArgs) -> Res
             Event::Evaluated(evaluation) => say(&format!(
                 "evaluated at {} control steps: mean return{} {:.1}",
                 evaluation.counters.control_steps,
-                if evaluation.gap.is_some() { " on held-out videos" } else { "" },
+                on(evaluation.gap.is_some()),
                 evaluation.held_out.mean_return
             )),
         }

@@ -110,7 +110,12 @@ impl OnlineProgress {
 
 /// ` on held-out videos` where an evaluation is: where nobody sees a video, the returns of the two sets are those of the same episodes.
 pub(crate) fn on_videos(evaluation: &serde_json::Value) -> &'static str {
-    if evaluation["held_out"] == evaluation["training_videos"] { "" } else { " on held-out videos" }
+    on(evaluation["held_out"] != evaluation["training_videos"])
+}
+
+/// The same where it is known whether videos are seen.
+pub(crate) fn on(has_videos: bool) -> &'static str {
+    if has_videos { " on held-out videos" } else { "" }
 }
 
 /// The protocol that the last evaluation of a run is one of; none of one that was made on the way, or before its control steps were lived through.
@@ -145,7 +150,7 @@ fn evaluated(evaluation: &Evaluation) -> String {
         evaluation.gap.as_ref().map_or(String::new(), |gap| format!(", gap {:.1}{}", gap.mean, interval(gap.interval)));
     // Without a gap nobody sees a video, and the two sets are one.
     let has_videos = evaluation.gap.is_some();
-    let on = if has_videos { " on held-out videos" } else { "" };
+    let on = on(has_videos);
     let training = format!(", training videos {:.1}{}{gap}", training.mean_return, interval(training.interval));
     let training = if has_videos { training } else { String::new() };
     format!(

@@ -20,7 +20,7 @@ use vibes_model::player::Player;
 
 use super::options::WorldOptions;
 use crate::error::{Result, TrainError};
-use crate::replay;
+use crate::replay::{self, Replay};
 
 /// An episode to live through.
 #[derive(Debug)]
@@ -122,6 +122,17 @@ impl ActorThread {
     pub fn live(&self, task: Task) -> Result<Lived> {
         self.begin(task)?;
         self.outcome()
+    }
+
+    /// Steps and return of an episode that does not depend on what was learned: as it was written before the run was killed, or lived through now.
+    ///
+    /// # Errors
+    /// As [`ActorThread::outcome`], or the replay cannot be read.
+    pub fn live_unless_written(&self, replay: &mut Replay, task: Task) -> Result<(u32, f64)> {
+        match replay.next_written()? {
+            Some(found) => Ok(found),
+            None => self.live(task).map(|lived| (lived.steps, lived.episode_return)),
+        }
     }
 }
 

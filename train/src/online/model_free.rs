@@ -195,13 +195,8 @@ struct Training<'a> {
 impl Training<'_> {
     fn run(&mut self, mut learner: ModelFreeLearner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
         while self.state.episodes < self.options.online.prefill.max(1) {
-            let (steps, episode_return) = match self.replay.next_written()? {
-                Some(found) => found,
-                None => {
-                    let lived = self.acting.live(self.task(None, "random".to_owned()))?;
-                    (lived.steps, lived.episode_return)
-                }
-            };
+            let task = self.task(None, "random".to_owned());
+            let (steps, episode_return) = self.acting.live_unless_written(&mut self.replay, task)?;
             self.admit(steps)?;
             self.metrics.append(&self.line(&[], episode_return, None))?;
             if listen(Event::Admitted) == Go::Stop {

@@ -64,13 +64,8 @@ impl Training<'_> {
     fn begin(&mut self, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Option<Learners>> {
         let Setup { run, options, device, .. } = *self.setup;
         while self.state.episodes < options.prefill || self.replay.is_empty() {
-            let (steps, episode_return) = match self.replay.next_written()? {
-                Some(found) => found,
-                None => {
-                    let lived = self.acting.live(self.training_task(None, "random".to_owned()))?;
-                    (lived.steps, lived.episode_return)
-                }
-            };
+            let task = self.training_task(None, "random".to_owned());
+            let (steps, episode_return) = self.acting.live_unless_written(&mut self.replay, task)?;
             self.admit(steps)?;
             let line = self.line(&Round::default(), Some(episode_return), None);
             self.log(&line)?;

@@ -8,7 +8,7 @@ use vibes_model::config::{BehaviourConfig, ModelConfig};
 use vibes_model::guard::Guard;
 use vibes_model::values::ValueDistribution;
 
-use crate::error::{Result, TrainError};
+use crate::error::{Result, TrainError, refuse};
 
 /// How the actor learns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -187,18 +187,14 @@ impl BehaviourOptions {
     pub fn check(&self) -> Result<()> {
         self.check_finite()?;
         let shares = [("discount", self.discount), ("lambda", self.lambda), ("slow-rate", self.slow_rate)];
-        if let Some((name, value)) = shares.iter().find(|(_, value)| !(0.0..=1.0).contains(value)) {
-            return Err(TrainError::Options(format!("--{name} is {value}; it must lie between 0 and 1")));
-        }
+        refuse(&shares, |value| !(0.0..=1.0).contains(&value), "lie between 0 and 1")?;
         if self.replay_value > 0.0 && self.every_start > 1 {
             let text =
                 "--every-start above 1 leaves the critic without targets on recorded rewards, which this recipe wants";
             return Err(TrainError::Options(text.to_owned()));
         }
         let least = [("guard", self.guard), ("entropy", self.entropy)];
-        if let Some((name, value)) = least.iter().find(|(_, value)| *value < 0.0) {
-            return Err(TrainError::Options(format!("--{name} is {value}; it must be 0 or more")));
-        }
+        refuse(&least, |value| value < 0.0, "be 0 or more")?;
         if !(2..=MOST_MEMBERS).contains(&self.guard_members) {
             let text = format!(
                 "--guard-members is {}; it takes two to disagree, and {MOST_MEMBERS} are the most",
@@ -206,10 +202,7 @@ impl BehaviourOptions {
             );
             return Err(TrainError::Options(text));
         }
-        if self.horizon > MOST_STEPS {
-            let text = format!("--horizon is {}; it must be at most {MOST_STEPS}", self.horizon);
-            return Err(TrainError::Options(text));
-        }
+        refuse(&[("horizon", self.horizon)], |steps| steps > MOST_STEPS, format_args!("be at most {MOST_STEPS}"))?;
         let positive = [
             ("horizon", self.horizon as f64),
             ("every-start", self.every_start as f64),
@@ -217,10 +210,7 @@ impl BehaviourOptions {
             ("critic-lr", self.critic_lr),
             ("behaviour-hidden", self.hidden as f64),
         ];
-        match positive.iter().find(|(_, value)| *value <= 0.0) {
-            Some((name, value)) => Err(TrainError::Options(format!("--{name} is {value}; it must be above 0"))),
-            None => Ok(()),
-        }
+        refuse(&positive, |value| value <= 0.0, "be above 0")
     }
 
     /// That every number is one that a run's files can hold.
@@ -237,10 +227,7 @@ impl BehaviourOptions {
             ("replay-value", self.replay_value),
             ("guard", self.guard),
         ];
-        match numbers.iter().find(|(_, value)| !value.is_finite()) {
-            Some((name, value)) => Err(TrainError::Options(format!("--{name} is {value}; it must be a finite number"))),
-            None => Ok(()),
-        }
+        refuse(&numbers, |value| !value.is_finite(), "be a finite number")
     }
 }
 
