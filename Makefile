@@ -77,7 +77,7 @@ python: setup ## the Python package as a wheel that needs only numpy, under the 
 PYTHON_TEST ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/vibes-toolkit/python-test
 
 python-test: build python ## the Python package with Gymnasium, dm_env, Stable-Baselines3, TorchRL and PyTorch, in an environment outside the clone
-	[ -x "$(PYTHON_TEST)/bin/pytest" ] || { python3 -m venv "$(PYTHON_TEST)" && "$(PYTHON_TEST)/bin/pip" install --quiet --requirement python/tests/requirements.txt; }
+	@setup/environment.sh python/tests/requirements.txt "$(PYTHON_TEST)"
 # The wheel alone, with nothing but numpy beside it; a second environment, small and made anew.
 	python3 -m venv --clear "$(PYTHON_TEST)-numpy" && "$(PYTHON_TEST)-numpy/bin/pip" install --quiet --disable-pip-version-check "$(CARGO_TARGET_DIR)"/wheels/vibes-*.whl
 	cd python/tests && "$(PYTHON_TEST)-numpy/bin/python" numpy_alone.py
@@ -91,5 +91,5 @@ python-test: build python ## the Python package with Gymnasium, dm_env, Stable-B
 SWEEP_TEST ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/vibes-toolkit/sweep-test
 
 sweep-test: build ## the examples for Ray (two workers, one of which is killed), Optuna and W&B, with the real packages, in an environment outside the clone
-	[ -x "$(SWEEP_TEST)/bin/ray" ] || { python3 -m venv "$(SWEEP_TEST)" && "$(SWEEP_TEST)/bin/pip" install --quiet --requirement tests/sweep_engines.txt; }
+	@setup/environment.sh tests/sweep_engines.txt "$(SWEEP_TEST)"
 	"$(SWEEP_TEST)/bin/python" tests/sweep_engines.py

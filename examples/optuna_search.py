@@ -4,6 +4,7 @@ held-out grid is the answer.
     python optuna_search.py RECORDING GRID [--trials 20] [--updates 2000] [-o runs/search]
 
 Ask and tell: Optuna never calls us. The trials lie in runs/search/study.db, so that several processes can search together and the same command goes on.
+Needs optuna, as tests/sweep_engines.txt names it.
 """
 
 import argparse

@@ -3,6 +3,7 @@
     python wandb_run.py RECORDING -o RUN [any option of `vibes-train offline`]
 
 The run's metrics.jsonl is followed while it grows. Without an account: WANDB_MODE=offline, and `wandb sync` later.
+Needs wandb, as tests/sweep_engines.txt names it.
 """
 
 import json

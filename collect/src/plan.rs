@@ -6,17 +6,25 @@
 
 mod world;
 
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
-use vibes_data::{Cell, Grid};
+use vibes_data::{Cell, Grid, MOST_ACTION_REPEAT};
 
 use crate::trained::{ActedBy, Home};
+use crate::{Error, Result};
 use vibes_env::distractors::DistractorSettings;
-use vibes_env::render::Look;
-use vibes_env::videos::{VideoSet, VideoSource};
+use vibes_env::render::{Look, MAX_SIZE};
+use vibes_env::videos::{MOST_VIDEOS, VideoSet, VideoSource};
 pub use vibes_env::{ChosenSeeds, distractor_seed, state_seed};
 
 /// The key of the options under which a part says what it is a part of.
 pub(crate) const SUBSET: &str = "subset";
+
+/// Agent steps that an episode may have at most.
+pub const MOST_STEPS: u32 = 1_000_000;
+/// Episodes that a recording may have at most, whose files are numbered with six digits.
+const MOST_EPISODES: u32 = 1_000_000;
 
 /// Everything that decides what a recording holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -89,6 +97,26 @@ impl RecordOptions {
 }
 
 impl RecordOptions {
+    /// That its numbers are such as the command line takes. Those of a manifest, or of the run that acts, may be any: a damaged one would name billions of videos, or
+    /// hold an action for as many steps. `place` is the recording.
+    ///
+    /// # Errors
+    /// [`Error::Malformed`] names the first number that is not.
+    pub fn check(&self, place: &Path) -> Result<()> {
+        let bounds = [
+            ("action_repeat", u64::from(self.action_repeat), 1, u64::from(MOST_ACTION_REPEAT)),
+            ("video_count", self.video_count.map_or(1, |count| count as u64), 1, u64::from(MOST_VIDEOS)),
+            ("size", self.size.map_or(1, u64::from), 1, MAX_SIZE as u64),
+            ("steps", u64::from(self.steps), 0, u64::from(MOST_STEPS)),
+            ("episodes", u64::from(self.episodes), 0, u64::from(MOST_EPISODES)),
+        ];
+        let wrong = bounds.into_iter().find(|&(_, found, least, most)| !(least..=most).contains(&found));
+        wrong.map_or(Ok(()), |(name, found, least, most)| {
+            let fact = format!("its option {name} is {found}");
+            Err(Error::malformed(place, fact, format!("right is {least} to {most}")))
+        })
+    }
+
     /// The protocol of what is recorded: that of the run which acts, where nothing of its world is changed, videos are held out and there are as many whole episodes as it asks
     /// for.
     pub fn protocol_of(&self, home: &Home) -> Option<String> {
@@ -118,6 +146,53 @@ mod tests {
     use super::*;
     use crate::trained::home;
 
+    /// A hundred episodes in the world of a run.
+    fn options() -> RecordOptions {
+        RecordOptions {
+            task: "reacher-easy".to_owned(),
+            policy: "runs/own".to_owned(),
+            grid: None,
+            episodes: 100,
+            steps: 250,
+            action_repeat: 4,
+            raw_torques: false,
+            distractors: DistractorSettings::default(),
+            videos: VideoSource::Procedural,
+            video_set: VideoSet::Val,
+            video_count: None,
+            size: Some(64),
+            look: Look::default(),
+            axis_seeds: ChosenSeeds::default(),
+            acting: Vec::new(),
+            protocol: None,
+            rotated: None,
+        }
+    }
+
+    #[test]
+    fn numbers_that_the_command_line_does_not_take_are_refused() {
+        let place = Path::new("recordings/damaged");
+        options().check(place).unwrap();
+        RecordOptions { video_count: Some(10_000), size: None, episodes: 0, ..options() }.check(place).unwrap();
+        type Damage = fn(&mut RecordOptions);
+        let damages: [(&str, Damage); 8] = [
+            ("action_repeat is 0; right is 1 to 1000", |options| options.action_repeat = 0),
+            ("action_repeat is 4294967295", |options| options.action_repeat = u32::MAX),
+            ("video_count is 0; right is 1 to 10000", |options| options.video_count = Some(0)),
+            ("video_count is 18446744073709551615", |options| options.video_count = Some(usize::MAX)),
+            ("size is 0; right is 1 to 2048", |options| options.size = Some(0)),
+            ("size is 4294967295", |options| options.size = Some(u32::MAX)),
+            ("steps is 4294967295", |options| options.steps = u32::MAX),
+            ("episodes is 4294967295", |options| options.episodes = u32::MAX),
+        ];
+        for (said, damage) in damages {
+            let mut damaged = options();
+            damage(&mut damaged);
+            let error = damaged.check(place).unwrap_err().to_string();
+            assert!(error.contains(said) && error.contains("recordings/damaged"), "{said}: {error}");
+        }
+    }
+
     /// What is recorded under other settings than the run's is not under its protocol.
     #[test]
     fn a_protocol_is_named_in_its_own_world_only() {
@@ -137,25 +212,7 @@ mod tests {
         };
         let unfinished = at(499_000);
         let home = at(500_000);
-        let own = RecordOptions {
-            task: "reacher-easy".to_owned(),
-            policy: "runs/own".to_owned(),
-            grid: None,
-            episodes: 100,
-            steps: 250,
-            action_repeat: 4,
-            raw_torques: false,
-            distractors: settings,
-            videos: VideoSource::Procedural,
-            video_set: VideoSet::Val,
-            video_count: None,
-            size: Some(64),
-            look: Look::default(),
-            axis_seeds: ChosenSeeds::default(),
-            acting: Vec::new(),
-            protocol: None,
-            rotated: None,
-        };
+        let own = options();
         assert_eq!(own.protocol_of(&home).as_deref(), Some("dcs-easy-dynamic-500k"));
         assert_eq!(own.protocol_of(&unfinished), None, "not all control steps");
         let changes: [fn(&mut RecordOptions); 6] = [

@@ -87,7 +87,8 @@ type Job = (PlannedEpisode, Arc<Row>);
 struct Shared<'a> {
     path: &'a Path,
     run: &'a RecordRun<'a>,
-    mix: PolicyMix,
+    /// None where nothing is acted out.
+    mix: Option<PolicyMix>,
     studio: StudioSettings,
     stored: Stored<'a>,
     writer: &'a RecordingWriter,
@@ -103,14 +104,19 @@ struct Shared<'a> {
 /// The first thing that goes wrong; every episode finished by then is kept. [`vibes_env::Error::NoEgl`] on a machine that cannot draw.
 pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Sync)) -> Result<Recording> {
     let options = run.options;
+    options.check(path)?;
     let environment = options.environment()?;
     if options.size.is_some() || options.acting.iter().any(|acting| acting.pictures.is_some()) {
         // Before anything is on disk: a machine without EGL leaves no empty recording behind.
         check_drawing()?;
     }
     let videos = options.video_library()?;
-    let mix: PolicyMix = options.policy.parse()?;
-    if matches!(run.source, Source::Simulation) && !path.join("manifest.json").exists() {
+    // What is drawn again was acted out by whoever its recording names, which need be no mix: an online run says `random`, and Python says `python`.
+    let mix = run.source.acts().then(|| options.policy.parse::<PolicyMix>()).transpose()?;
+    if let Some(mix) = &mix
+        && matches!(run.source, Source::Simulation)
+        && !path.join("manifest.json").exists()
+    {
         // Nor does a file of actions that does not fit.
         mix.shares().iter().try_for_each(|(policy, _)| policy.check(options.steps, environment.action_len()))?;
     }

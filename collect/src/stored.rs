@@ -5,6 +5,7 @@
 
 use std::path::Path;
 
+use serde_json::Value;
 use vibes_data::{EpisodeEntry, EpisodeInfo, EpisodeView, Recording, sha256_hex};
 
 use crate::paths::rebase;
@@ -16,14 +17,21 @@ use vibes_env::{Environment, ModelOverrides, Start, StateTrajectory};
 /// The options a recording was made with.
 ///
 /// # Errors
-/// [`Error::Malformed`] when they are not this program's, as in a recording that was imported.
+/// [`Error::Malformed`] when they are not this program's, as in a recording that was imported, or hold a number that it does not take.
 pub fn options_of(recording: &Recording) -> Result<RecordOptions> {
-    let mut options = recording.manifest().options.clone();
-    rebase(&mut options, Some(recording.path()), None);
-    serde_json::from_value(options).map_err(|error| {
+    let options = read_options(&recording.manifest().options, recording.path()).map_err(|error| {
         let expected = "the manifest holds the options of a recording that vibes-collect made";
         Error::malformed(recording.path(), format!("its options cannot be read ({error})"), expected)
-    })
+    })?;
+    options.check(recording.path())?;
+    Ok(options)
+}
+
+/// The options of a recording, or of a part that it was merged of, with paths as they are found from here. What their numbers are is for [`RecordOptions::check`] to say.
+pub(crate) fn read_options(options: &Value, recording: &Path) -> serde_json::Result<RecordOptions> {
+    let mut options = options.clone();
+    rebase(&mut options, Some(recording), None);
+    serde_json::from_value(options)
 }
 
 /// Whether MCAP logs lie beside the tables; yes when nothing is there yet.
@@ -59,7 +67,7 @@ pub fn info_of(entry: &EpisodeEntry) -> EpisodeInfo {
 /// [`Error::Malformed`] for model overrides that cannot be read.
 pub fn start_of(recording: &Path, entry: &EpisodeEntry, view: &EpisodeView) -> Result<Start> {
     let overrides = match &entry.model_overrides {
-        serde_json::Value::Null => Ok(ModelOverrides::default()),
+        Value::Null => Ok(ModelOverrides::default()),
         given => serde_json::from_value(given.clone()),
     };
     let model_overrides = overrides.map_err(|error| {

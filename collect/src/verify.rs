@@ -10,8 +10,8 @@ use vibes_data::{BackgroundFrame, EpisodeEntry, EpisodeView, Finding, Recording,
 use crate::Result;
 use crate::care::merge::{MergedPart, merged_parts};
 use crate::largest::{largest, largest_difference};
-use crate::paths::rebase;
 use crate::plan::RecordOptions;
+use crate::stored::read_options;
 use vibes_env::distractors::View;
 use vibes_env::render::{Renderer, picture_difference};
 use vibes_env::videos::VideoLibrary;
@@ -71,10 +71,10 @@ impl Verdict {
 /// Checks a recording; with `simulate` its physics and a sample of its pictures too.
 ///
 /// # Errors
-/// When the simulation or the render context cannot be set up; damage is a finding, not an error.
+/// When the simulation or the render context cannot be set up, or the options ask for what cannot be; damage of an episode is a finding, not an error.
 pub fn verify(recording: &Recording, simulate: bool) -> Result<Verdict> {
     let mut verdict = Verdict::default();
-    let mut simulators = Simulators::new(recording, simulate);
+    let mut simulators = Simulators::new(recording, simulate)?;
     for entry in recording.episodes() {
         let findings = verify_episode(recording, entry);
         let again = if findings.is_empty() { simulators.of(entry.index)? } else { None };
@@ -103,45 +103,57 @@ struct Simulators {
     open: Option<(usize, Again)>,
 }
 
-/// The options under which some episodes were recorded, and where their videos are in the recording's list.
+/// The options under which some episodes were recorded, the names of their videos, and where those are in the recording's list.
 struct Part {
     options: Option<RecordOptions>,
     holds: Box<dyn Fn(u32) -> bool>,
+    names: Vec<String>,
     videos: Option<Vec<u32>>,
 }
 
 impl Simulators {
-    fn new(recording: &Recording, simulate: bool) -> Self {
-        let read = |options: &serde_json::Value| {
-            let mut options = options.clone();
-            rebase(&mut options, Some(recording.path()), None);
-            serde_json::from_value(options).ok()
+    fn new(recording: &Recording, simulate: bool) -> Result<Self> {
+        let read = |options: &serde_json::Value| -> Result<Option<RecordOptions>> {
+            // Options of another shape are another program's, and its episodes are foreign; those of this one that cannot be are damage.
+            let options = read_options(options, recording.path()).ok();
+            if let Some(options) = &options {
+                options.check(recording.path())?;
+            }
+            Ok(options)
         };
+        let listed = &recording.manifest().videos;
         let parts = match merged_parts(recording.manifest()) {
             _ if !simulate => Vec::new(),
             None => {
-                let options = read(&recording.manifest().options);
-                vec![Part { options, holds: Box::new(|_| true), videos: None }]
+                let names = listed.iter().map(|video| video.name.clone()).collect();
+                let options = read(&recording.manifest().options)?;
+                vec![Part { options, holds: Box::new(|_| true), names, videos: None }]
             }
             Some(parts) => {
-                let part = |part: MergedPart| Part {
-                    options: read(&part.options),
-                    videos: Some(part.videos.clone()),
-                    holds: Box::new(move |index| part.holds(index)),
+                // A place that the list does not have is of a video without a name, which there is not.
+                let name =
+                    |place: &u32| listed.get(*place as usize).map_or_else(String::new, |video| video.name.clone());
+                let part = |part: MergedPart| -> Result<Part> {
+                    Ok(Part {
+                        options: read(&part.options)?,
+                        names: part.videos.iter().map(name).collect(),
+                        videos: Some(part.videos.clone()),
+                        holds: Box::new(move |index| part.holds(index)),
+                    })
                 };
-                parts.into_iter().map(part).collect()
+                parts.into_iter().map(part).collect::<Result<Vec<_>>>()?
             }
         };
-        Self { parts, open: None }
+        Ok(Self { parts, open: None })
     }
 
     /// None for an episode that this program did not record.
     fn of(&mut self, index: u32) -> Result<Option<&mut Again>> {
         let Some(place) = self.parts.iter().position(|part| (part.holds)(index)) else { return Ok(None) };
-        let Part { options: Some(options), videos, .. } = &self.parts[place] else { return Ok(None) };
+        let Part { options: Some(options), names, videos, .. } = &self.parts[place] else { return Ok(None) };
         if self.open.as_ref().is_none_or(|(open, _)| *open != place) {
             self.open = None;
-            self.open = Some((place, Again::new(options.clone(), videos.clone())?));
+            self.open = Some((place, Again::new(options, names, videos.clone())?));
         }
         Ok(self.open.as_mut().map(|(_, again)| again))
     }
@@ -157,11 +169,16 @@ struct Again {
 }
 
 impl Again {
-    fn new(options: RecordOptions, listed: Option<Vec<u32>>) -> Result<Self> {
+    fn new(options: &RecordOptions, names: &[String], listed: Option<Vec<u32>>) -> Result<Self> {
         let environment = options.environment()?;
         let settings = options.pictures();
         let open = |settings| Renderer::new(settings, environment.scenery(), environment.physics().model());
-        Ok(Self { listed, renderer: settings.map(open).transpose()?, videos: options.video_library()?, environment })
+        // Where nothing is drawn again, nobody sees a video.
+        let videos = match settings {
+            Some(pictures) => options.named_videos(names, pictures)?,
+            None => Arc::new(VideoLibrary::none()),
+        };
+        Ok(Self { listed, renderer: settings.map(open).transpose()?, videos, environment })
     }
 
     fn compare(&mut self, entry: &EpisodeEntry, view: &EpisodeView, verdict: &mut Verdict) -> Result<()> {

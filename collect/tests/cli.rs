@@ -5,9 +5,25 @@
 #[path = "process/run.rs"]
 mod run;
 
+use std::path::Path;
+
 use vibes_data::{EpisodeView, Recording};
 
 use run::{collect, fails, works};
+
+/// Videos of one frame each, every one of its own grey.
+fn write_videos(folder: &Path, names: &[&str]) {
+    for (place, name) in names.iter().enumerate() {
+        std::fs::create_dir_all(folder.join(name)).unwrap();
+        let picture = image::RgbImage::from_pixel(16, 16, image::Rgb([40 * place as u8; 3]));
+        picture.save(folder.join(name).join("0.png")).unwrap();
+    }
+}
+
+/// The names of a recording's videos.
+fn videos_of(recording: &Recording) -> Vec<&str> {
+    recording.manifest().videos.iter().map(|video| video.name.as_str()).collect()
+}
 
 #[test]
 fn a_grid_simulates_each_state_once_and_draws_it_under_every_distractor() {
@@ -72,6 +88,47 @@ fn a_run_in_a_mix_acts_in_the_world_that_it_was_trained_in() {
     std::fs::write(other.join("online.json"), r#"{"world": {"action_repeat": 10}}"#).unwrap();
     let two = "--mix kept:0.5,other:0.5 --episodes 2 --steps 2 --no-pixels --no-mcap -o two";
     fails(folder.path(), two, 1, "for 10 and 50 control steps");
+}
+
+/// Neither command knows the other's number, and what is held out of one must not be trained under by the other.
+#[test]
+fn a_folder_of_films_holds_out_the_same_half_whatever_two_commands_ask_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let films = ["f1", "f2", "f3", "f4", "f5", "f6"];
+    write_videos(&folder.path().join("films"), &films);
+    let record = |arguments: &str, name: &str| {
+        let common = "--videos films --episodes 1 --steps 2 --size 16 --no-mcap";
+        works(folder.path(), &format!("{common} {arguments} -o {name}"));
+        Recording::open(&folder.path().join(name)).unwrap()
+    };
+    assert_eq!(videos_of(&record("--video-count 3", "train")), films[..3]);
+    assert_eq!(videos_of(&record("--video-set val --video-count 2", "val")), films[3..5]);
+    assert_eq!(videos_of(&record("--difficulty hard", "all")), films[..3]);
+    assert_eq!(videos_of(&record("--difficulty hard --video-set val", "all-val")), films[3..]);
+    let more = "--videos films --episodes 1 --steps 2 --size 16 --video-count 4 -o more";
+    fails(folder.path(), more, 1, "3 train videos (the first half of the folder); 4 are needed");
+    let more = format!("{more} --video-set val");
+    fails(folder.path(), &more, 1, "3 val videos (the second half of the folder); 4 are needed");
+    // The videos of a recording are those that it names, though the folder has come to be divided otherwise.
+    write_videos(&folder.path().join("films"), &["f01", "f02", "f03", "f04"]);
+    for name in ["train", "val", "all", "all-val"] {
+        assert!(works(folder.path(), &format!("verify {name}")).starts_with("sound: 1 episodes, 0 findings"), "{name}");
+    }
+}
+
+/// A folder of DAVIS with one of its two sets serves whoever asks for that one.
+#[test]
+fn a_set_of_davis_alone_is_enough_to_record_under_it() {
+    let folder = tempfile::tempdir().unwrap();
+    write_videos(&folder.path().join("DAVIS/train"), &["bear", "boat"]);
+    write_videos(&folder.path().join("DAVIS/val"), &["blackswan"]);
+    let common = "--episodes 1 --steps 2 --size 16 --no-mcap --difficulty hard";
+    for (set, other, videos) in [("train", "val", &["bear", "boat"][..]), ("val", "train", &["blackswan"][..])] {
+        works(folder.path(), &format!("{common} --videos DAVIS/{set} --video-set {set} -o {set}"));
+        assert_eq!(videos_of(&Recording::open(&folder.path().join(set)).unwrap()), videos);
+        let missing = format!("no official {other} video of DAVIS");
+        fails(folder.path(), &format!("{common} --videos DAVIS/{set} --video-set {other} -o missing"), 1, &missing);
+    }
 }
 
 #[test]

@@ -10,9 +10,9 @@ use std::path::Path;
 
 use run::works;
 
-/// Two videos of six frames each, as pictures that differ.
+/// Videos of six frames each, as pictures that differ: two to record under, and as many that are held out.
 fn write_videos(folder: &Path) {
-    for (video, green) in [("one", 40), ("two", 200)] {
+    for (video, green) in [("a", 40), ("b", 200), ("c", 90), ("d", 140)] {
         fs::create_dir_all(folder.join(video)).unwrap();
         for frame in 0..6_u8 {
             let picture = image::RgbImage::from_pixel(32, 32, image::Rgb([frame * 40, green, 90]));

@@ -135,6 +135,69 @@ fn looks_videos_and_recordings_without_pictures_can_be_drawn_too() {
     fails(folder, "render seen --size 8 -o suite", 1, "another recording is here");
 }
 
+/// Changes the options in a recording's manifest.
+fn change_options(recording: &Path, change: impl FnOnce(&mut serde_json::Value)) {
+    let path = recording.join("manifest.json");
+    let mut manifest: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    change(&mut manifest["options"]);
+    std::fs::write(&path, manifest.to_string()).unwrap();
+}
+
+/// Others who record a world name in their own words who acted, and may not know beforehand how often: an online run says `random`, Python says `python`. A redraw
+/// does not act.
+#[test]
+fn what_others_recorded_in_a_world_is_drawn_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    works(folder, "--episodes 2 --steps 3 --size 16 --no-mcap -o plain");
+    for policy in ["random", "python"] {
+        change_options(&folder.join("plain"), |options| {
+            options["policy"] = policy.into();
+            options["episodes"] = 0.into();
+        });
+        for (name, change) in [("larger", "--size 20"), ("other", "--seed 8")] {
+            let name = format!("{policy}-{name}");
+            works(folder, &format!("render plain {change} -o {name}"));
+            let again = open(folder, &name);
+            assert_eq!(again.manifest().options["policy"], policy);
+            assert_eq!(again.episodes().len(), 2);
+            assert_eq!(again.episode(1).unwrap().qpos(3), open(folder, "plain").episode(1).unwrap().qpos(3));
+            assert!(works(folder, &format!("verify {name}")).starts_with("sound: 2 episodes, 0 findings; 2 simulated"));
+        }
+    }
+    // Whoever simulates has to know who acts.
+    change_options(&folder.join("plain"), |options| options["episodes"] = 2.into());
+    fails(folder, "extend plain --episodes 3", 2, "cannot read the policy python");
+}
+
+/// A damaged manifest asks for more names of videos than memory holds, or for a step that takes for ever.
+#[test]
+fn numbers_that_no_command_takes_are_an_error_and_nothing_is_begun() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    works(folder, "--episodes 1 --steps 2 --size 16 --no-mcap -o plain");
+    let whole = std::fs::read(folder.join("plain/manifest.json")).unwrap();
+    let damages = [
+        ("video_count", u64::MAX, "right is 1 to 10000"),
+        ("action_repeat", u64::from(u32::MAX), "right is 1 to 1000"),
+        ("steps", u64::from(u32::MAX), "right is 0 to 1000000"),
+        ("episodes", u64::from(u32::MAX), "right is 0 to 1000000"),
+        ("size", u64::from(u32::MAX), "right is 1 to 2048"),
+    ];
+    for (option, number, said) in damages {
+        change_options(&folder.join("plain"), |options| options[option] = number.into());
+        for line in ["verify plain", "render plain --seed 3 -o again", "extend plain --episodes 2"] {
+            fails(folder, line, 1, &format!("its option {option} is {number}; {said}"));
+        }
+        assert!(!folder.join("again").exists(), "{option}");
+        std::fs::write(folder.join("plain/manifest.json"), &whole).unwrap();
+    }
+    let mut manifest: serde_json::Value = serde_json::from_slice(&whole).unwrap();
+    manifest["spec"]["action_repeat"] = u32::MAX.into();
+    std::fs::write(folder.join("plain/manifest.json"), manifest.to_string()).unwrap();
+    fails(folder, "replay plain", 1, "held for 4294967295 control steps");
+}
+
 #[test]
 fn a_turned_reacher_is_a_recording_of_the_same_rewards() {
     let folder = tempfile::tempdir().unwrap();

@@ -44,7 +44,7 @@ pub use quantity::{About, Formula, Quantity};
 pub use readable::Readable;
 pub use recording::Recording;
 pub use run::{MODEL_FREE_FORMAT, Metrics, MetricsFile, RUN_FORMAT, RunFolder, RunInfo};
-pub use spec::{ActionSpec, ImageSize, ObservationPart, Spec};
+pub use spec::{ActionSpec, ImageSize, MOST_ACTION_REPEAT, ObservationPart, Spec};
 pub use updates::{Purpose, Windows, update_rng};
 pub use verify::{verify_episode, verify_recording};
 pub use view::{EpisodeView, episode_table};

@@ -152,7 +152,7 @@ impl Manifest {
             return Err(Error::malformed(path, format!("format {}", self.format), format!("{FORMAT} is known")));
         }
         if let Some(fault) = self.spec.fault() {
-            let expected = "sizes within limits, a timestep above 0, finite and rising action bounds, and quantities of numbers that are there";
+            let expected = "sizes and an action repeat within limits, a timestep above 0, finite and rising action bounds, and quantities of numbers that are there";
             return Err(Error::malformed(path, fault, expected));
         }
         for pair in self.episodes.windows(2) {

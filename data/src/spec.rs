@@ -64,6 +64,9 @@ impl ImageSize {
     }
 }
 
+/// Control steps an action may be held at most: the programs take no more, and a larger number in a file is a damaged or hostile one.
+pub const MOST_ACTION_REPEAT: u32 = 1000;
+
 /// No size in a spec may pass this; a larger one is a damaged or hostile manifest.
 const LARGEST: usize = 1 << 20;
 
@@ -121,6 +124,10 @@ impl Spec {
         }
         if largest.max(self.action_len()).max(self.observation.len()) > LARGEST {
             return Some(format!("a column of {largest} numbers a row"));
+        }
+        // Whoever simulates an episode again would be at it for as many control steps.
+        if self.action_repeat > MOST_ACTION_REPEAT {
+            return Some(format!("an action that is held for {} control steps", self.action_repeat));
         }
         let sizes = (whole, self.qpos, self.qvel);
         if let Some(quantity) = self.quantities.iter().find(|q| !q.formula.fits(sizes.0, sizes.1, sizes.2)) {

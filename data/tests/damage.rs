@@ -85,6 +85,7 @@ fn hostile_manifests_are_refused() {
     assert!(refused(&|bad| bad["spec"]["pixels"]["height"] = 4_000_000_000u32.into()));
     assert!(refused(&|bad| bad["spec"]["qpos"] = u64::MAX.into()));
     assert!(refused(&|bad| bad["spec"]["control_timestep"] = 0.into()));
+    assert!(refused(&|bad| bad["spec"]["action_repeat"] = u32::MAX.into()));
     assert!(refused(&|bad| bad["format"] = "vibes-recording/9".into()));
     // Sizes that are small enough one by one, cells out of the grid or there twice, numbers out of order, a grid too large.
     assert!(refused(&|bad| {

@@ -46,15 +46,25 @@ pub enum Error {
         /// The names that exist.
         known: String,
     },
-    /// A folder holds too few videos.
-    #[error("{found} videos; {wanted} are needed, each a folder of .jpg or .png frames: {path}")]
+    /// A folder holds too few videos of a set.
+    #[error("{found} {what}; {wanted} are needed, each a folder of .jpg or .png frames: {path}")]
     TooFewVideos {
         /// How many there are.
         found: usize,
+        /// Videos of which set, and which part of the folder that is.
+        what: &'static str,
         /// How many are needed.
         wanted: usize,
-        /// The folder, or the name of the built-in source.
+        /// The folder.
         path: PathBuf,
+    },
+    /// More videos of a set than any program takes.
+    #[error("{wanted} videos of a set; right is 1 to {most}")]
+    TooManyVideos {
+        /// How many were asked for.
+        wanted: usize,
+        /// How many there may be.
+        most: u16,
     },
     /// Nothing can be drawn on this machine.
     #[error(

@@ -116,7 +116,7 @@ struct Registered {
 const TASKS: [Registered; 7] =
     [ball_in_cup::TASK, cartpole::TASK, cheetah::TASK, finger::TASK, reacher::TASK, walker::TASK, swimmer::TASK];
 
-/// The names of the tasks, for listings; `swimmer-N` stands for every number of links from 3 on.
+/// The names of the tasks, for listings; `swimmer-N` stands for every number of links that [`task_help`] names.
 pub fn task_names() -> Vec<&'static str> {
     TASKS.iter().map(|task| task.name).collect()
 }

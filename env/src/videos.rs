@@ -24,6 +24,9 @@ pub(crate) use resample::SUITE_SIDE;
 use store::FrameStore;
 pub(crate) use store::LEVELS;
 
+/// Most videos of a set that may be asked for: the programs take no more, and a larger number in a file is a damaged or hostile one.
+pub const MOST_VIDEOS: u16 = 10_000;
+
 /// Which videos: those for training, or those held out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -96,53 +99,34 @@ impl VideoSource {
             && is_whole(VideoSet::Val, &davis::VAL)
     }
 
-    /// The names of the first `count` videos of a set, all of them (for the procedural source as many as DAVIS has) without a count.
+    /// The names of the first `count` videos of a set, all of them (for the procedural source as many as DAVIS has) without a count. The two sets never share a
+    /// video, whatever the counts: a folder of one's own, which knows no sets, is trained under by its first half and held out by its second.
     ///
     /// # Errors
-    /// When a folder cannot be read, or holds no video or fewer than `count`.
+    /// When a folder cannot be read, or holds no video of the set or fewer than `count`; for more than [`MOST_VIDEOS`], whose names alone might fill the memory.
     pub fn list(&self, set: VideoSet, count: Option<usize>) -> Result<Vec<String>> {
-        let names = match self {
+        if let Some(wanted) = count.filter(|&wanted| wanted > usize::from(MOST_VIDEOS)) {
+            return Err(Error::TooManyVideos { wanted, most: MOST_VIDEOS });
+        }
+        let folder = match self {
             Self::Procedural => return Ok(procedural::list(set, count)),
-            Self::Folder(folder) => davis::list(folder, set)?,
+            Self::Folder(folder) => folder,
         };
+        let davis::Listed { mut names, what } = davis::list(folder, set)?;
         let wanted = count.unwrap_or(names.len()).max(1);
         if names.len() < wanted {
-            return Err(Error::TooFewVideos { found: names.len(), wanted, path: self.path() });
+            return Err(Error::TooFewVideos { found: names.len(), what, wanted, path: folder.clone() });
         }
-        Ok(names.into_iter().take(wanted).collect())
+        names.truncate(wanted);
+        Ok(names)
     }
 
-    /// The names of `count` videos to train under, and of as many held out, which share none: those of the two sets, and of a folder of one's own, which knows
-    /// no sets, the first and the next; without a count all of a set, and half of a folder of one's own.
+    /// The names of the first `count` videos of both sets, those to train under and those held out; all of them without a count.
     ///
     /// # Errors
-    /// As [`VideoSource::list`].
+    /// As [`VideoSource::list`], of either set.
     pub fn lists(&self, count: Option<usize>) -> Result<[Vec<String>; 2]> {
-        let sets = [VideoSet::Train, VideoSet::Val];
-        if let Self::Folder(_) = self {
-            let [all, other] = [self.list(sets[0], None)?, self.list(sets[1], None)?];
-            if all == other {
-                let each = count.unwrap_or(all.len() / 2).max(1);
-                let wanted = each.saturating_mul(2);
-                return match all.get(each..wanted) {
-                    Some(held_out) => Ok([all[..each].to_vec(), held_out.to_vec()]),
-                    None => Err(Error::TooFewVideos { found: all.len(), wanted, path: self.path() }),
-                };
-            }
-        }
-        Ok([self.list(sets[0], count)?, self.list(sets[1], count)?])
-    }
-
-    /// One of the two [lists](VideoSource::lists). The first `count` of a folder of one's own may be all that it holds, as long as none are held out.
-    ///
-    /// # Errors
-    /// As [`VideoSource::list`].
-    pub fn part(&self, set: VideoSet, count: Option<usize>) -> Result<Vec<String>> {
-        if set == VideoSet::Train && count.is_some() {
-            return self.list(set, count);
-        }
-        let [train, val] = self.lists(count)?;
-        Ok(if set == VideoSet::Train { train } else { val })
+        Ok([self.list(VideoSet::Train, count)?, self.list(VideoSet::Val, count)?])
     }
 
     /// The same as a file of `folder` has it: a folder of videos is named from there, and is where it is found.
@@ -154,13 +138,6 @@ impl VideoSource {
                 Self::Folder(found.unwrap_or_else(|| folder.join(place)))
             }
             Self::Procedural => Self::Procedural,
-        }
-    }
-
-    fn path(&self) -> PathBuf {
-        match self {
-            Self::Procedural => PathBuf::from("procedural videos"),
-            Self::Folder(folder) => folder.clone(),
         }
     }
 

@@ -141,6 +141,18 @@ fn a_swimmer_has_one_name() {
     assert!(tasks().into_iter().all(|task| environment(task).name() == task));
 }
 
+/// What the help promises is what MuJoCo loads: its reader of XML takes no more links, each of which lies within the one before it.
+#[test]
+fn the_longest_swimmer_moves_and_a_longer_one_is_no_task() {
+    assert!(task_help().contains("3 to 496"), "{}", task_help());
+    let mut longest = environment("swimmer-496");
+    longest.reset(&mut ChaCha8Rng::seed_from_u64(0)).unwrap();
+    assert_eq!(longest.physics().qpos().len(), 3 + 495, "a place and an angle of the head, and the joints");
+    assert!(longest.control_step(&[0.0; 4]).unwrap().is_finite());
+    let error = Environment::new("swimmer-497", EnvironmentOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("unknown task swimmer-497") && error.contains("3 to 496"), "{error}");
+}
+
 /// With its task's own settings the planner acts, and keeps to the bounds.
 #[test]
 fn the_planner_acts_on_every_task() {

@@ -12,10 +12,12 @@ use vibes_collect::Trace;
 use vibes_collect::care::export::{ExportFormat, export};
 use vibes_collect::care::import::{ImportFormat, ImportOptions, import, read_dreamer_file, read_minari_folder};
 use vibes_collect::distractor_trace::DistractorTrace;
+use vibes_collect::stored::options_of;
 use vibes_data::{
     Decoded, DecodedRow, EpisodeView, Latents, Manifest, Recording, read_episode_entry, read_mcap, read_table,
     verify_recording,
 };
+use vibes_env::distractors::DistractorSettings;
 use vibes_env::videos::picture::decode;
 
 use crate::readers::{Part, Reader};
@@ -23,8 +25,9 @@ use crate::readers::{Part, Reader};
 /// All of them.
 pub(crate) const PART: Part = Part { readers: &READERS, make };
 
-const READERS: [Reader; 20] = [
+const READERS: [Reader; 21] = [
     Reader { name: "manifest", file: "recording/manifest.json", read: manifest },
+    Reader { name: "options", file: "recorded/manifest.json", read: options },
     Reader { name: "episode", file: "recording/episodes/000000.arrow", read: episode },
     Reader { name: "log", file: "recording/episodes/000000.mcap", read: log },
     Reader { name: "log_plain", file: "plain.mcap", read: log },
@@ -50,6 +53,7 @@ const READERS: [Reader; 20] = [
 fn make(folder: &Path) {
     let at = |name: &str| folder.join(name);
     let recording = synthetic::recording(&at("recording"), 1, 1);
+    make_options(&at("recorded"));
     latents().write(&at("latents.arrow")).unwrap();
     decoded().write(&at("decoded.arrow")).unwrap();
     let log = fs::read(at("recording/episodes/000000.mcap")).unwrap();
@@ -62,6 +66,17 @@ fn make(folder: &Path) {
     fs::write(at("trace.json"), small_trace(&golden)).unwrap();
     make_archives(folder);
     make_pictures(folder);
+}
+
+/// A recording that was begun, with options as `vibes-collect` writes them.
+fn make_options(folder: &Path) {
+    let options = serde_json::json!({
+        "task": "reacher-easy", "policy": "random:1", "grid": null, "episodes": 2, "steps": 3, "action_repeat": 4, "raw_torques": false,
+        "distractors": DistractorSettings::default(), "videos": "procedural", "video_set": "train", "video_count": 2, "size": 16, "look": "fast",
+    });
+    fs::create_dir(folder).unwrap();
+    let manifest = Manifest { options, ..synthetic::manifest(&synthetic::spec(true), None) };
+    manifest.write(&folder.join("manifest.json")).unwrap();
 }
 
 /// Latents of two rows.
@@ -190,6 +205,16 @@ fn manifest(_: &Path, path: &Path) -> bool {
         let _ = verify_recording(recording);
     }
     Manifest::read(path).is_ok() && opened.is_ok()
+}
+
+/// The options that a manifest holds, the names of the videos that they ask for, and one step in their world.
+fn options(_: &Path, path: &Path) -> bool {
+    let Ok(recording) = Recording::open(path.parent().unwrap()) else { return false };
+    let Ok(options) = options_of(&recording) else { return false };
+    let _ = options.videos.list(options.video_set, options.video_count);
+    let Ok(mut environment) = options.environment() else { return false };
+    let action = vec![0.0; environment.action_len()];
+    environment.step(&action).is_ok()
 }
 
 fn episode(folder: &Path, path: &Path) -> bool {

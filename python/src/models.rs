@@ -128,6 +128,7 @@ impl Model {
             return Err(refused(format!("previous actions of shape {found:?}; right is [{rows}, {width}]")));
         }
         let actions: Vec<f32> = previous_actions.as_array().iter().copied().collect();
+        finite("the actions", &actions)?;
         let latents = unlocked(py, || {
             let trained = lock(&self.trained);
             let mut encoder = trained.encoder().episode(&vibes_model::cpu());
@@ -165,6 +166,13 @@ impl Model {
             return Err(refused(format!("{rows} observations; an agent acts on one at a time")));
         }
         let executed: Option<Vec<f32>> = executed.map(|action| action.as_array().iter().copied().collect());
+        if let Some(executed) = &executed {
+            let width = self.facts.actions;
+            if executed.len() != width {
+                return Err(refused(format!("an executed action of {} numbers; right is {width}", executed.len())));
+            }
+            finite("the executed action", executed)?;
+        }
         let choice = if sample { Choice::Sample } else { Choice::Mode };
         let action = unlocked(py, || {
             let mut acting = lock(actor);
@@ -238,9 +246,19 @@ impl Model {
                 let array: PyReadonlyArrayDyn<'_, f32> = observations.extract().map_err(|_other| right())?;
                 let fits = array.ndim() == 2 && array.shape()[1] == len && array.shape()[0] > 0;
                 let rows = if fits { array.shape()[0] } else { return Err(right()) };
-                Ok((Seen::Vectors(array.as_array().iter().copied().collect()), rows))
+                let numbers: Vec<f32> = array.as_array().iter().copied().collect();
+                finite("the observations", &numbers)?;
+                Ok((Seen::Vectors(numbers), rows))
             }
         }
+    }
+}
+
+/// Refuses numbers that are not finite: the networks would silently answer with NaN, and go on doing so until the episode's end.
+fn finite(what: &str, numbers: &[f32]) -> PyResult<()> {
+    match numbers.iter().find(|number| !number.is_finite()) {
+        None => Ok(()),
+        Some(number) => Err(refused(format!("{number} in {what}; right is finite numbers"))),
     }
 }
 

@@ -50,15 +50,19 @@ pub(crate) struct World {
 impl World {
     #[new]
     #[pyo3(signature = (options, environments=1, threads=None))]
-    fn new(py: Python<'_>, options: &Bound<'_, PyDict>, environments: usize, threads: Option<usize>) -> PyResult<Self> {
+    fn new(py: Python<'_>, options: &Bound<'_, PyDict>, environments: i64, threads: Option<i64>) -> PyResult<Self> {
         let options = WorldOptions::read(options)?;
-        if !(1..=MOST).contains(&environments) {
-            return Err(refused(format!("{environments} environments; 1 to {MOST} are possible")));
-        }
+        let environments = match usize::try_from(environments) {
+            Ok(count) if (1..=MOST).contains(&count) => count,
+            _ => return Err(refused(format!("{environments} environments; 1 to {MOST} are possible"))),
+        };
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-        if threads == Some(0) {
-            return Err(refused("0 threads; at least one is needed"));
-        }
+        let threads = match threads {
+            Some(threads) if threads < 1 => {
+                return Err(refused(format!("{threads} threads; at least one is needed")));
+            }
+            threads => threads.and_then(|threads| usize::try_from(threads).ok()),
+        };
         let threads = threads.or((environments > 1).then_some(cores)).map(|threads| threads.min(environments));
         let bytes = options.size.map_or(0, |size| 3 * size as usize * size as usize);
         affordable("pictures [environments, bytes]", &[environments, bytes.max(1)])?;

@@ -2,15 +2,16 @@
 //!
 //! In: a world, or the shape of somebody else's episodes; a seed. Out: a folder that the three programs read.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use numpy::{Element, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::json;
-use vibes_data::{CameraPose, Episode, EpisodeInfo, Grid, Manifest, RecordingWriter, Spec};
+use vibes_data::{CameraPose, Episode, EpisodeInfo, Grid, Manifest, RecordingWriter, Spec, relative_place};
 use vibes_env::Heading;
+use vibes_env::videos::VideoSource;
 
 use crate::error::{refused, unlocked};
 use crate::keeper::Keeper;
@@ -38,7 +39,7 @@ impl Writer {
         mcap: bool,
         grid: Option<(u32, u32)>,
     ) -> PyResult<Self> {
-        let manifest = world_manifest(world, seed, grid.map(cells).transpose()?);
+        let manifest = world_manifest(world, seed, grid.map(cells).transpose()?, &path);
         Self::open(py, path, manifest, mcap)
     }
 
@@ -198,10 +199,14 @@ fn cells((states, distractors): (u32, u32)) -> PyResult<Grid> {
     }
 }
 
-/// The manifest that `vibes-collect` would write for the same task, distractors and videos; without a grid `episodes` is not known
-/// beforehand.
-fn world_manifest(world: &World, seed: u64, grid: Option<Grid>) -> Manifest {
+/// The manifest that `vibes-collect` would write for the same task, distractors and videos into a recording in `folder`; without a grid `episodes` is
+/// not known beforehand. A folder of videos is named from the recording, so that both can be moved together and are found from any other folder.
+fn world_manifest(world: &World, seed: u64, grid: Option<Grid>, folder: &Path) -> Manifest {
     let options = world.options();
+    let stored = match &options.videos {
+        VideoSource::Folder(videos) => VideoSource::Folder(relative_place(videos, folder).into()),
+        VideoSource::Procedural => VideoSource::Procedural,
+    };
     let mut asked = json!({
         "task": options.task,
         "policy": "python",
@@ -211,7 +216,7 @@ fn world_manifest(world: &World, seed: u64, grid: Option<Grid>) -> Manifest {
         "action_repeat": world.recording_spec().action_repeat,
         "raw_torques": options.environment.raw_torques,
         "distractors": options.distractors,
-        "videos": options.videos,
+        "videos": stored,
         "video_set": options.video_set,
         "video_count": options.video_count,
         "size": options.size,

@@ -4,7 +4,9 @@ a failure that names the command which puts it there."""
 import importlib.util
 import os
 import shutil
+import struct
 import subprocess
+import zlib
 from pathlib import Path
 
 import pytest
@@ -32,6 +34,23 @@ def collect(*words):
     done = subprocess.run([program("vibes-collect"), *map(str, words)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+def films(folder, count):
+    """A plain folder of videos: `count` films of two frames each, grey PNGs of 16 x 16, under names that DAVIS does not know."""
+
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    size = 16
+    header = struct.pack(">IIBBBBB", size, size, 8, 0, 0, 0, 0)
+    for film in range(count):
+        path = folder / f"film-{film}"
+        path.mkdir(parents=True)
+        for frame in range(2):
+            rows = zlib.compress((b"\0" + bytes([16 * film + 8 * frame] * size)) * size)
+            (path / f"{frame}.png").write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", rows) + chunk(b"IEND", b""))
+    return folder
 
 
 @pytest.fixture(scope="session")

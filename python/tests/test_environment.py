@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import re
 import threading
 import unittest
 import warnings
@@ -11,6 +12,7 @@ import gymnasium
 import numpy as np
 import pytest
 import vibes
+from conftest import films
 from gymnasium.utils.env_checker import check_env
 
 TASKS = ["ball_in_cup-catch", "cartpole-swingup", "cheetah-run", "finger-spin", "reacher-easy", "walker-walk", "swimmer-6"]
@@ -53,6 +55,24 @@ def test_seeds_of_axes_and_static_distractors_are_the_collectors(recorded):
         assert_same_row(episode, 0, **env.reset()[0])
         for t, action in enumerate(episode.action):
             assert_same_row(episode, t + 1, **env.step(action)[0])
+
+
+@pytest.mark.parametrize(("difficulty", "count"), [("easy", 2), ("hard", None)])
+def test_the_films_of_a_plain_folder_are_the_collectors_and_held_out_ones_stay_so(difficulty, count, recorded, tmp_path):
+    folder = films(tmp_path / "films", 6)
+    shown = {}
+    for video_set in ["train", "val"]:
+        options = {"difficulty": difficulty, "size": 16, "videos": folder, "video_set": video_set, "video_count": count}
+        words = ["--difficulty", difficulty, "--size", "16", "--videos", str(folder), "--video-set", video_set]
+        words += [] if count is None else ["--video-count", str(count)]
+        recording = vibes.open(recorded("--episodes", "1", "--steps", "2", "--seed", "4", *words))
+        world = vibes.World(**options)
+        assert world.videos == recording.manifest["videos"]
+        shown[video_set] = {video["name"] for video in world.videos}
+        env = vibes.make(**options, seed=4, observation="both")
+        assert_same_row(recording[0], 0, **env.reset()[0])
+    assert len(shown["train"]) == len(shown["val"]) == (count or 3)
+    assert not shown["train"] & shown["val"]
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
@@ -109,6 +129,15 @@ def test_gymnasium_knows_every_task_by_its_id():
     many = gymnasium.make_vec("vibes/reacher-easy-v0", num_envs=2, vectorization_mode="vector_entry_point", size=16)
     observation, _ = many.reset(seed=1)
     assert many.observation_space.contains(observation)
+
+
+def test_the_swimmers_that_are_named_are_those_that_there_are():
+    fewest, most = map(int, re.search(r"swimmer-N stands for (\d+) to (\d+) links", vibes.tasks.__doc__).groups())
+    for links in [fewest, most]:
+        vibes.World(f"swimmer-{links}", size=None).close()
+    for links in [fewest - 1, most + 1]:
+        with pytest.raises(vibes.Error):
+            vibes.World(f"swimmer-{links}", size=None)
 
 
 def test_an_episode_is_1000_control_steps():
@@ -211,7 +240,7 @@ def test_errors_name_what_would_be_right():
     with pytest.raises(vibes.Error, match="call reset"):
         env.step([0, 0])
     env.reset()
-    with pytest.raises(vibes.Error, match=r"right is \[1, 2\]"):
+    with pytest.raises(vibes.Error, match=r"action of shape \[3\]; right is \[2\]"):
         env.step([0, 0, 0])
     with pytest.raises(vibes.Error, match=r"action\[1\] is NaN"):
         env.step([0, np.nan])
@@ -223,6 +252,80 @@ def test_errors_name_what_would_be_right():
     env.close()
     with pytest.raises(vibes.Error, match="closed"):
         env.step([0, 0])
+
+
+WRONG_OPTIONS = [
+    (dict(environments=-1), "-1 environments; 1 to 1024"),
+    (dict(environments=0), "0 environments; 1 to 1024"),
+    (dict(environments="three"), "environments 'three'; right is a whole number"),
+    (dict(environments=2**70), "environments [0-9]+; right is a whole number"),
+    (dict(environments=True), "environments True"),
+    (dict(threads=-1), "-1 threads; at least one"),
+    (dict(threads=0.5), "threads 0.5; right is a whole number"),
+    (dict(size=-1), "a size of -1; right is 1 to 2048"),
+    (dict(size="big"), "size 'big'; right is a whole number"),
+    (dict(size=(64, 64)), r"size \(64, 64\); right is a whole number"),
+    (dict(action_repeat=-1), "an action repeat of -1; right is 1 to 1000"),
+    (dict(video_count=-1), "a video count of -1; right is 1 to 10000"),
+    (dict(video_count=1.5), "video_count 1.5; right is a whole number"),
+    (dict(task=3), "task 3; right is a name"),
+    (dict(difficulty=None), "difficulty None; right is a name"),
+    (dict(distract=5), "distract 5; right is some of background, camera and color"),
+    (dict(distract=[1]), r"distract \[1\]; right is some of"),
+    (dict(seed=0.5), r"the seed 0.5; right is a whole number from 0 to 2\*\*64 - 1"),
+    (dict(camera_seed=-1), "camera_seed -1; right is a whole number"),
+]
+
+
+@pytest.mark.parametrize(("options", "words"), WRONG_OPTIONS, ids=str)
+def test_a_wrong_option_is_named_with_what_would_be_right(options, words):
+    with pytest.raises(vibes.Error, match=words):
+        vibes.World(**{"size": None} | options)
+
+
+def test_a_wrong_call_is_named_with_what_would_be_right():
+    env = vibes.make(observation="state")
+    dm = vibes.make_dm(observation="state")
+    many = vibes.make_vec(num_envs=2, observation="state")
+    world = vibes.World(environments=2, size=None)
+    for thing in (env, dm, many, world):
+        thing.reset()
+    wrong = [
+        (lambda: env.step(0.5), r"action of shape \[\]; right is \[2\]"),
+        (lambda: env.step([[0, 0]]), r"action of shape \[1, 2\]; right is \[2\]"),
+        (lambda: env.step(["0", "0"]), r"action of type <U1; right is numbers \[2\]"),
+        (lambda: env.step([0j, 0]), r"action of type complex128; right is numbers \[2\]"),
+        (lambda: env.step([0, [1]]), r"action .*right is numbers \[2\]"),
+        (lambda: env.step(None), "action"),
+        (lambda: env.step({}), "action"),
+        (lambda: env.reset(options=3), "reset options 3; right is a dictionary"),
+        (lambda: env.reset(options={"state": 0.5}), "the state trajectory 0.5; right is a whole number"),
+        (lambda: env.reset(options={"episode": -1}), "the episode -1; right is a whole number"),
+        (lambda: dm.step(0.5), r"action of shape \[\]; right is \[2\]"),
+        (lambda: many.step([0, 0]), r"actions of shape \[2\]; right is \[2, 2\]"),
+        (lambda: many.reset(seed=0.5), "the seed 0.5; right is a whole number"),
+        (lambda: many.reset(seed=[1]), "1 seeds for 2 environments"),
+        (lambda: many.reset(options={"reset_mask": [True]}), r"reset_mask .*right is truth values \[2\]"),
+        (lambda: world.step(0.5), r"actions of shape \[\]; right is \[2, 2\]"),
+        (lambda: world.step(np.zeros((2, 2)), reset=[True]), r"reset .*right is truth values \[2\]"),
+        (lambda: world.step(np.zeros((2, 2)), reset=3), r"reset .*right is truth values \[2\]"),
+        (lambda: world.reset([0, 1]), r"which of type int64 .*right is truth values \[2\]"),
+        (lambda: world.reset_to([(0, 1), None]), r"the key \(0, 1\) of an episode; right is \(seed, state trajectory, distractor trajectory\)"),
+        (lambda: world.reset_to([5, None]), "the key 5 of an episode"),
+        (lambda: world.reset_to([(0, 1, 2)]), "for each of the 2 environments"),
+        (lambda: world.reset_to(5), "keys 5; right is one of"),
+        (lambda: world.reset_to([(0, 1, 0.5), None]), "the distractor trajectory 0.5; right is a whole number"),
+        (lambda: world.seek("a"), "first 'a'; right is a whole number"),
+        (lambda: world.keep(3), "writer 3; right is a vibes.Writer"),
+    ]
+    for call, words in wrong:
+        with pytest.raises(vibes.Error, match=words):
+            call()
+    # A call that was refused leaves everything as it was.
+    for thing in (env, dm):
+        thing.step([0, 0])
+    for thing in (many, world):
+        thing.step([[0, 0], [0, 0]])
 
 
 def test_environments_may_be_used_from_any_thread():

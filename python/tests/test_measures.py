@@ -158,6 +158,12 @@ def test_errors_name_what_would_be_right():
         (lambda: measures.umap(table, min_dist=-1), "between 0"),
         (lambda: measures.symmetry(table, [[0, 0]], [[0, 0]], [[0]]), "for this table"),
         (lambda: measures.past_actions([1, 2]), r"\[T, action\]"),
+        (lambda: measures.past_actions("ab"), r"actions of type <U2; right is numbers \[T, action\]"),
+        (lambda: measures.Table("ab", episode=[0], step=[0]), r"latents of type <U2; right is numbers \[rows, dims\]"),
+        (lambda: measures.Table(np.eye(2), episode=[0, 0], step=[0, 1], state=[0.5, 0], distractor=[0, 0]), "state of type float64"),
+        (lambda: measures.grid_numbers(table, k=5), r"k 5; right is whole numbers"),
+        (lambda: measures.retrieval(table, k=0.5), "k 0.5; right is a whole number"),
+        (lambda: measures.umap(table, spread="wide"), "spread 'wide'; right is a number"),
     ]
     for call, words in wrong:
         with pytest.raises(vibes.Error, match=words):

@@ -70,8 +70,22 @@ def test_it_acts_as_in_the_collector(recorded, tmp_path):
     np.testing.assert_array_equal(sampled, again)
     low, high = agent.config["action_min"], agent.config["action_max"]
     assert (np.array(low) <= sampled).all() and (sampled <= np.array(high)).all()
-    with pytest.raises(vibes.Error):
+    with pytest.raises(vibes.Error, match="an executed action of 3 numbers; right is 1"):
         agent.act(episode.observation[0], executed=[0.1, 0.2, 0.3])
+    # A number that is not finite would come out as an action of NaN, and so would every one after it.
+    for number in (np.nan, np.inf):
+        blind = np.full_like(episode.observation[0], number)
+        with pytest.raises(vibes.Error, match="in the observations; right is finite numbers"):
+            agent.act(blind)
+        with pytest.raises(vibes.Error, match="in the executed action; right is finite numbers"):
+            agent.act(episode.observation[0], executed=[number])
+        with pytest.raises(vibes.Error, match="in the observations; right is finite numbers"):
+            agent.encode(np.stack([episode.observation[0], blind]), episode.action[:1])
+        with pytest.raises(vibes.Error, match="in the actions; right is finite numbers"):
+            agent.encode(episode.observation[:2], np.full_like(episode.action[:1], number))
+    with pytest.raises(vibes.Error, match="observation of type <U3"):
+        agent.act("abc")
+    assert np.isfinite(agent.act(episode.observation[0])).all(), "what was refused is not remembered"
 
 
 MODEL_FREE = (

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import vibes
-from conftest import collect
+from conftest import collect, films
 
 
 def test_what_is_played_is_recorded_and_verified(tmp_path, recorded):
@@ -31,6 +31,29 @@ def test_what_is_played_is_recorded_and_verified(tmp_path, recorded):
     with vibes.Writer(tmp_path / "mine", env) as writer:
         writer.record(policy, episodes=1)
     assert vibes.open(tmp_path / "mine").indices == [0, 1, 2]
+
+
+def test_a_folder_of_videos_is_named_from_the_recording(tmp_path, monkeypatch):
+    """As in the collector's and the trainer's recordings: it is found from any folder, and after both were moved together."""
+    films(tmp_path / "films", 2)
+    monkeypatch.chdir(tmp_path)
+    options = {"size": 16, "action_repeat": 500, "distract": "background", "video_count": 1, "seed": 3}
+    env = vibes.make(videos="films", **options)
+    with vibes.Writer("recordings/mine", env) as writer:
+        writer.record(lambda observation: env.action_space.sample())
+    manifest = vibes.open("recordings/mine").manifest
+    assert manifest["options"]["videos"] == {"folder": "../../films"}
+    assert manifest["videos"] == env.world.videos
+    monkeypatch.chdir("films")
+    env = vibes.make(videos=tmp_path / "films", **options)
+    with vibes.Writer(tmp_path / "recordings" / "mine", env) as writer:
+        assert len(writer) == 1, "the same recording goes on, whatever its folder of videos is called from here"
+        writer.record(lambda observation: env.action_space.sample())
+    (tmp_path / "moved").mkdir()
+    for name in ["films", "recordings"]:
+        (tmp_path / name).rename(tmp_path / "moved" / name)
+    monkeypatch.chdir(tmp_path)
+    assert "sound" in collect("verify", tmp_path / "moved" / "recordings" / "mine")
 
 
 def test_many_environments_are_kept_while_they_are_stepped(tmp_path):
@@ -188,6 +211,7 @@ def test_wrong_episodes_are_refused_and_leave_nothing(tmp_path):
             ({"pixels": np.zeros((6, 8, 8, 3))}, "uint8"),
             ({"observation": np.zeros((5, 3))}, "observation"),
             ({"sound": np.zeros(5)}, "known are"),
+            ({"reward": "abcde"}, r"reward of type <U5; right is numbers \[rows, …\]"),
             ({"action": np.zeros((2, 5))}, r"right is \[rows, 2\]"),
             ({"pixels": np.zeros((6, 3, 8, 8), np.uint8)}, r"right is \[rows, 8, 8, 3\]"),
         ]
@@ -201,6 +225,20 @@ def test_wrong_episodes_are_refused_and_leave_nothing(tmp_path):
     for wrong, words in [({"size": 0}, "picture side"), ({"action_low": []}, "bounds"), ({"pixels": 3}, "known are"), ({"control_timestep": -1}, "timestep"), ({"action_low": [-np.inf, -1]}, "bounds")]:
         with pytest.raises(vibes.Error, match=words):
             vibes.Writer(tmp_path / "wrong", spec=spec(**wrong))
+    kinds = [
+        ({"control_timestep": "fast"}, "the spec's control_timestep 'fast'; right is a number"),
+        ({"size": (64, 64)}, r"the spec's size, one side of its square pictures, \(64, 64\); right is a whole number"),
+        ({"qpos": 0.5}, "the spec's qpos 0.5; right is a whole number"),
+        ({"action_repeat": "2"}, "the spec's action_repeat '2'; right is a whole number"),
+        ({"action_low": "low"}, r"the spec's action_low of type <U3; right is numbers \[action\]"),
+        ({"observation": 3}, "the spec's observation 3; right is a dictionary"),
+        ({"observation": {"position": -3}}, "the spec's observation 'position' -3; right is a whole number"),
+    ]
+    for wrong, words in kinds:
+        with pytest.raises(vibes.Error, match=words):
+            vibes.Writer(tmp_path / "wrong", spec=spec(**wrong))
+    with pytest.raises(vibes.Error, match="the spec 3; right is a dictionary"):
+        vibes.Writer(tmp_path / "wrong", spec=3)
     with pytest.raises(vibes.Error, match="give one of the two"):
         vibes.Writer(tmp_path / "wrong")
     assert not (tmp_path / "wrong").exists()

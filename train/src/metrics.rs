@@ -25,7 +25,7 @@ pub struct Row {
     pub dynamics_log_likelihood: f64,
     /// Rewards.
     pub reward_log_likelihood: f64,
-    /// Share of the dynamics term's gradient that reached the encoder.
+    /// Share of the dynamics term's gradient that reached the encoder; 0 for objectives whose dynamics move no latents.
     pub dynamics_weight: f64,
     /// Norm of the world model's gradient before it was limited.
     pub gradient_norm: f64,
@@ -34,7 +34,7 @@ pub struct Row {
     /// Effective rank of the latents' means in the last of these updates: exp of the entropy of their covariance's eigenvalues, 1 when they vary along
     /// one line only.
     pub batch_effective_rank: f64,
-    /// Variance of the latents' means in that update, summed over dimensions; at most 1.
+    /// Variance of the latents' means in that update, summed over dimensions; at most 1 where they have unit norm.
     pub latent_variance: f64,
     /// Updates of the world model a second; online, actor and critic learn beside them.
     pub updates_per_second: f64,

@@ -9,10 +9,11 @@ use toml::Table;
 use vibes_model::{ModelConfig, ObservationKind};
 
 use crate::error::{Result, TrainError, io, malformed, refuse};
-use crate::learners::auxiliary::{asked, steps_ahead};
+use crate::learners::auxiliary::{Auxiliary, asked};
 use crate::learners::declared;
 use crate::learners::objective::Objective;
 use crate::settings::Settings;
+use crate::settings::own::Own;
 
 mod effect;
 pub mod presets;
@@ -147,14 +148,7 @@ impl Options {
                 burn_in.saturating_add(2)
             )));
         }
-        let ahead = steps_ahead(self);
-        if ahead >= self.length {
-            return Err(TrainError::Options(format!(
-                "a term looks {ahead} steps ahead; with --length {} it can be at most {}",
-                self.length,
-                self.length - 1
-            )));
-        }
+        self.check_steps()?;
         let negative = [
             ("reward-scale", self.reward_scale),
             ("gru-update-bias", self.gru_update_bias),
@@ -164,6 +158,20 @@ impl Options {
             ("reward-weight", self.reward_weight),
         ];
         refuse(&negative, |value| value < 0.0, "be 0 or above")
+    }
+
+    /// That every window has rows which count and have as many rows after them as whatever looks at later rows needs: burn-in rows do not count.
+    fn check_steps(&self) -> Result<()> {
+        let room = (self.length - 1 - self.burn_in) as u64;
+        let steps = asked(self).filter_map(Auxiliary::steps).chain(self.objective.steps());
+        let found = steps.map(|option| (option.flag, self.own.whole(option)));
+        match found.into_iter().find(|(_, steps)| !(1..=room).contains(steps)) {
+            None => Ok(()),
+            Some((flag, steps)) => Err(TrainError::Options(format!(
+                "--{flag} is {steps}; with --length {} and --burn-in {} it must be 1 to {room}",
+                self.length, self.burn_in
+            ))),
+        }
     }
 
     /// The first option that is no finite number, or none in single precision, in which models hold theirs: no file of a run could hold it.
@@ -206,10 +214,12 @@ impl Options {
     }
 
     /// The first option in which a run's options and the asked ones differ, as (name, in the run, asked). How long to train and how often to save may
-    /// change from one call to the next.
+    /// change from one call to the next. An option that was declared after the run was begun had its default there.
     pub fn first_difference(&self, asked: &Self) -> Option<(String, String, String)> {
         let free = ["updates", "minutes", "checkpoint_every", "keep"];
-        let (mine, theirs) = (Table::try_from(self).ok()?, Table::try_from(asked).ok()?);
+        let mut mine = Table::try_from(Own::defaults(declared())).ok()?;
+        mine.extend(Table::try_from(self).ok()?);
+        let theirs = Table::try_from(asked).ok()?;
         let differs = |(key, value): (&String, &toml::Value)| {
             let other = theirs.get(key)?;
             (!free.contains(&key.as_str()) && other != value)

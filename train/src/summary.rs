@@ -7,11 +7,14 @@ use serde_json::Value as Json;
 use vibes_data::{Metrics, RunFolder, write_atomically};
 use vibes_measure::numbers::probe_family;
 use vibes_measure::probes::{Fitting, Probe};
+use vibes_model::gaussian::LatentForm;
 
 use crate::error::Result;
 use crate::evaluate::open_loop::AHEAD;
 use crate::learners::auxiliary::REGISTRY;
+use crate::learners::objective::Condition;
 use crate::metrics::{Row, rows_of};
+use crate::options::Options;
 use crate::run::{Run, RunInfo};
 
 /// Evaluations shown; of more, the first, the last and some between.
@@ -176,20 +179,31 @@ fn about(page: &mut String, info: &RunInfo) {
             options.burn_in
         ),
         format!(
-            "dynamics weight {} (rising over {} updates, from update {} and a gain of {} nats on), reward weight {}, step sizes {} and {} (adversary){}, first scales {}",
-            options.dynamics_weight,
-            options.dynamics_warmup,
-            options.dynamics_start,
-            options.dynamics_after,
+            "{}reward weight {}, step size {}{}{}, first scales {}",
+            dynamics(options),
             options.reward_weight,
             options.lr,
-            options.adversary_lr,
+            if model.adversary { format!(" and {} (adversary)", options.adversary_lr) } else { String::new() },
             if options.lr_decay > 0 { format!(", falling after {} updates", options.lr_decay) } else { String::new() },
             if options.calibrate { "set by data" } else { "as drawn" }
         ),
         format!("seed {}; {}", options.seed, versions.join(", ")),
     ];
     lines.iter().for_each(|line| push(page, &format!("* {line}")));
+}
+
+/// How much of the dynamics term's gradient reaches the encoder and from when on, where any of it does.
+fn dynamics(options: &Options) -> String {
+    if !options.objective.dynamics_shape_latents() {
+        return String::new();
+    }
+    let (weight, warmup) = (options.dynamics_weight, options.dynamics_warmup);
+    match options.objective.gate(options) {
+        Some(Condition { start, gain }) => format!(
+            "dynamics weight {weight} (rising over {warmup} updates, from update {start} and a gain of {gain} nats on), "
+        ),
+        None => format!("dynamics weight {weight} (rising over {warmup} updates), "),
+    }
 }
 
 fn progress(page: &mut String, info: &RunInfo, last: &Row, control_steps: Option<f64>) {
@@ -215,7 +229,8 @@ fn progress(page: &mut String, info: &RunInfo, last: &Row, control_steps: Option
         row(&term.metric().replace('_', " "), last.stated(term.metric()));
     }
     row("effective rank of a batch's latents", Some(last.batch_effective_rank));
-    row("variance of the latents (at most 1)", Some(last.latent_variance));
+    let most = if info.model.latents == LatentForm::UnitNorm { " (at most 1)" } else { "" };
+    row(&format!("variance of the latents{most}"), Some(last.latent_variance));
     row("norm of the gradient", Some(last.gradient_norm));
     row("updates a second", Some(last.updates_per_second));
 }

@@ -287,6 +287,16 @@ fn a_run_that_begins_to_wait_begins_with_a_closed_gate() {
         serde_json::from_str::<vibes_train::run::State>(&state).unwrap().gate.opened
     };
     assert_eq!((opened(&first), opened(&second)), (Some(0), None));
+    // What it waits to be better than begins where it begins in a new run, and not wherever its weights were drawn.
+    let still = options("objective = 'no-adversary'\nwait = 'yes'\nupdates = 1\nlr = 1e-12\ndynamics_after = 0.25");
+    let baseline = |name: &str, from: Option<&Path>| {
+        let run = prepare(&folder.path().join(name), &recordings, &still, from).unwrap();
+        fit(&run, &recordings, &Device::flex(), None, &mut |_| Go::On).unwrap();
+        let (tensors, _) = load_tensors(&run.path().join("checkpoints/000001/model.safetensors")).unwrap();
+        tensors["world.heads.0.mlp.last.bias"].values.clone()
+    };
+    let (gone_on, new) = (baseline("third", Some(&first)), baseline("new", None));
+    assert!(gone_on.iter().zip(&new).all(|(a, b)| (a - b).abs() < 1e-5), "{gone_on:?} {new:?}");
 }
 
 /// A term may be added, or left out, on the way: its head begins anew and everything else goes on.
@@ -318,6 +328,9 @@ fn going_on_with_another_term_keeps_all_other_weights() {
     assert!(same(&with_term[alone].values, &both[second_of_two].values));
     let moments = |run: &Path| tensors(run, "000001", "optimizer.safetensors");
     let (before, after) = (moments(&second), moments(&third));
+    // Adam's correction for moments that begin at zero counts from each head's own first step.
+    let begun = |head: usize| after[&format!("world.begun.heads.{head}.mlp.first.weight")].values[0];
+    assert_eq!((begun(0), begun(1)), (4.0, 3.0));
     let pairs = before["world.second.heads.0.mlp.first.weight"].values.iter();
     let after = &after["world.second.heads.1.mlp.first.weight"].values;
     assert!(pairs.zip(after).all(|(before, after)| *after >= 0.998 * before));

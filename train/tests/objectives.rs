@@ -54,5 +54,14 @@ fn every_objective_trains_is_encoded_is_evaluated_and_says_the_form_of_its_laten
         assert_eq!(said["model"]["latents"], serde_json::to_value(form).unwrap(), "{objective}");
         let summary = std::fs::read_to_string(path.join("summary.md")).unwrap();
         assert!(summary.contains(&format!("latent {} ({form})", latents.dims)), "{objective}: {summary}");
+        let said = [
+            ("(adversary)", objective.networks(&options, 1).adversary),
+            ("dynamics weight", objective.dynamics_shape_latents()),
+            ("nats on", objective.gate(&options).is_some()),
+            ("(at most 1)", form == LatentForm::UnitNorm),
+        ];
+        for (words, wanted) in said {
+            assert_eq!(summary.contains(words), wanted, "{objective}, {words}: {summary}");
+        }
     }
 }

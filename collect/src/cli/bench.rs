@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use clap::Args;
 use serde_json::json;
+use vibes_data::MOST_ACTION_REPEAT;
 
 use super::{Outcome, OutputArgs};
 use crate::bench::{
@@ -24,7 +25,7 @@ pub(super) struct BenchArgs {
     #[arg(long, value_delimiter = ',', default_value = "64,84", value_name = "LIST")]
     size: Vec<u16>,
     /// Control steps per picture [default: the task's].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST_ACTION_REPEAT)))]
     action_repeat: Option<u16>,
     /// Pictures per thread for the fast look; the suite's look draws a fifth of them.
     #[arg(long, default_value_t = 500, value_parser = clap::value_parser!(u32).range(5..=1_000_000))]

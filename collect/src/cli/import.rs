@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::{Args, ValueEnum};
+use vibes_data::MOST_ACTION_REPEAT;
 
 use super::{Outcome, OutputArgs};
 use crate::care::import::{ImportFormat, ImportOptions, import};
@@ -33,7 +34,7 @@ pub(super) struct ImportArgs {
     #[arg(long, value_name = "S", value_parser = seconds)]
     control_timestep: Option<f64>,
     /// Control steps a row [default: 1].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_ACTION_REPEAT)))]
     action_repeat: Option<u32>,
     /// Write no MCAP logs, only Arrow tables.
     #[arg(long)]

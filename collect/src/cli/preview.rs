@@ -56,7 +56,7 @@ pub(super) fn run(args: &PreviewArgs, output: OutputArgs) -> Result<Outcome> {
     std::fs::create_dir_all(&args.output).with_context(|| format!("cannot make {}", args.output.display()))?;
     let mut sheets = Vec::new();
     for difficulty in difficulties {
-        let names = source.part(args.video_set, difficulty.videos())?;
+        let names = source.list(args.video_set, difficulty.videos())?;
         let videos = VideoLibrary::open(&source, args.video_set, &names, args.render.sky_side(pictures.size))?;
         let distractors = DistractorSettings { difficulty, dynamic: !args.r#static, ..DistractorSettings::default() };
         for task in &tasks {

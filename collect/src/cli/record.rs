@@ -8,17 +8,17 @@ use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
 use vibes_command::{Given, stop_on_signals};
-use vibes_data::{Grid, Recording};
+use vibes_data::{Grid, MOST_ACTION_REPEAT, Recording};
 
 use super::axis_seeds::AxisSeedArgs;
 use super::{Outcome, OutputArgs, idle, show};
-use crate::plan::RecordOptions;
+use crate::plan::{MOST_STEPS, RecordOptions};
 use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, cores, record};
 use crate::returns::Returns;
 use crate::trained::{Home, acted_by, as_named, home};
 use vibes_env::distractors::{Axes, Difficulty, DistractorSettings};
-use vibes_env::render::Look;
-use vibes_env::videos::{VideoSet, VideoSource};
+use vibes_env::render::{Look, MAX_SIZE};
+use vibes_env::videos::{MOST_VIDEOS, VideoSet, VideoSource};
 use vibes_env::{Environment, EnvironmentOptions, PolicyMix, PolicySpec};
 
 /// The task when none is named.
@@ -59,18 +59,18 @@ pub(super) struct RecordArgs {
     /// Which distractors: background, camera, color, or all, or none [default: those of a trained run, or all].
     #[arg(long, value_name = "LIST")]
     distract: Option<Axes>,
-    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS; of other folders the first are train, the next val [default: those of a trained run, or the built-in procedural
-    /// videos].
+    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS; of other folders the first half is train, the second val [default: those of a trained run, or the built-in
+    /// procedural videos].
     #[arg(long, value_name = "DIR")]
     videos: Option<PathBuf>,
     /// Which videos: train, or val for held-out ones.
     #[arg(long, default_value = "train")]
     video_set: VideoSet,
     /// Number of videos [default: that of a trained run, or the suite's for the difficulty: 4, 8 or all].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST_VIDEOS)))]
     video_count: Option<u16>,
     /// Side of the pictures, pixels [default: that of a trained run, or 64].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=2048))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MAX_SIZE as i64))]
     size: Option<u32>,
     /// Record no pictures, only states and vector observations.
     #[arg(long, conflicts_with_all = ["size", "render"])]
@@ -79,10 +79,10 @@ pub(super) struct RecordArgs {
     #[arg(long)]
     render: Option<Look>,
     /// Control steps per agent step [default: the task's].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_ACTION_REPEAT)))]
     action_repeat: Option<u32>,
     /// Agent steps per episode [default: 1000 control steps].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_STEPS)))]
     steps: Option<u32>,
     /// One torque per joint for the swimmer, instead of its four-parameter wave.
     #[arg(long)]

@@ -14,8 +14,8 @@ use crate::recorder::cores;
 use crate::redraw::{NewDistractors, Redraw};
 use crate::stored::options_of;
 use vibes_env::distractors::{Axes, Difficulty};
-use vibes_env::render::Look;
-use vibes_env::videos::{VideoSet, VideoSource};
+use vibes_env::render::{Look, MAX_SIZE};
+use vibes_env::videos::{MOST_VIDEOS, VideoSet, VideoSource};
 
 #[derive(Debug, Args)]
 pub(super) struct RenderArgs {
@@ -38,14 +38,14 @@ pub(super) struct RenderArgs {
     /// Distractors keep what they are at the start of the episode.
     #[arg(long = "static")]
     r#static: bool,
-    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS, or `procedural` for the built-in ones.
+    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS, or `procedural` for the built-in ones; of other folders the first half is train, the second val.
     #[arg(long, value_name = "DIR")]
     videos: Option<PathBuf>,
     /// Which videos: train, or val for held-out ones.
     #[arg(long)]
     video_set: Option<VideoSet>,
     /// Number of videos.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST_VIDEOS)))]
     video_count: Option<u16>,
     /// Seed of new distractors; the states stay.
     #[arg(long, value_name = "N")]
@@ -53,7 +53,7 @@ pub(super) struct RenderArgs {
     #[command(flatten)]
     axis_seeds: AxisSeedArgs,
     /// Side of the pictures, pixels [default: the recording's].
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=2048))]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=MAX_SIZE as i64))]
     size: Option<u32>,
     /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite pixel by pixel [default: the recording's].
     #[arg(long)]

@@ -13,7 +13,7 @@ use crate::distractor_trace::FORMAT as DISTRACTOR_FORMAT;
 use crate::frames::draw_frames;
 use crate::replay::{EpisodeErrors, environment_of_spec, replay_episode};
 use crate::{Error, Trace};
-use vibes_env::render::{Look, RenderSettings};
+use vibes_env::render::{Look, MAX_SIZE, RenderSettings};
 use vibes_env::{Environment, EnvironmentOptions};
 
 /// An error that two numbers may have, from 0 up.
@@ -41,7 +41,7 @@ pub(super) struct ReplayArgs {
     #[arg(long, value_name = "DIR")]
     frames: Option<PathBuf>,
     /// Side of those pictures, pixels.
-    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=2048))]
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=MAX_SIZE as i64))]
     size: u32,
     /// Folder with a distractor trace's video: draw its pictures too, and compare them.
     #[arg(long, value_name = "DIR")]

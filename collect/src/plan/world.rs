@@ -40,9 +40,19 @@ impl RecordOptions {
             return Ok(Arc::new(VideoLibrary::none()));
         }
         let count = self.video_count.or(self.distractors.difficulty.videos());
-        let names = self.videos.part(self.video_set, count)?;
+        self.named_videos(&self.videos.list(self.video_set, count)?, pictures)
+    }
+
+    /// The same, of a recording that is there: its manifest names its videos, whatever else the folder holds by now.
+    ///
+    /// # Errors
+    /// A video that is gone, a frame that cannot be decoded.
+    pub fn named_videos(&self, names: &[String], pictures: RenderSettings) -> Result<Arc<VideoLibrary>> {
+        if !self.distractors.axes.background {
+            return Ok(Arc::new(VideoLibrary::none()));
+        }
         let side = pictures.look.sky_side(pictures.size);
-        Ok(Arc::new(VideoLibrary::open(&self.videos, self.video_set, &names, side)?))
+        Ok(Arc::new(VideoLibrary::open(&self.videos, self.video_set, names, side)?))
     }
 
     /// The background videos of the recording: none where nobody sees any, neither the recording nor whoever acts.

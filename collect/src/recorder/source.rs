@@ -34,6 +34,11 @@ impl<'a> Source<'a> {
         }
     }
 
+    /// Whether policies act, in whatever is not there yet; of what is drawn again every state is.
+    pub(super) fn acts(self) -> bool {
+        matches!(self, Self::Simulation | Self::Grid(_))
+    }
+
     /// What part of another recording is drawn again, where it is a part: still one, which growing must not fill in.
     pub(super) fn subset(self) -> Option<&'a serde_json::Value> {
         self.recording().and_then(|recording| recording.manifest().options.get(SUBSET))

@@ -5,11 +5,11 @@ use std::sync::atomic::Ordering;
 use vibes_data::{Episode, EpisodeInfo};
 
 use super::{Row, Shared};
-use crate::Result;
 use crate::paths::policy_name;
 use crate::plan::{PlannedEpisode, acting_distractor, state_seed};
 use crate::stored::{Acted, rotate};
 use crate::studio::Studio;
+use crate::{Error, Result};
 use vibes_env::render::RenderSettings;
 use vibes_env::{EpisodeSeeds, Eyes, Policy, PolicySpec, rollout};
 
@@ -76,7 +76,11 @@ impl<'a> Worker<'a> {
 
     fn simulate(&mut self, state: u32) -> Result<Acted> {
         let run = self.shared.run;
-        let spec = self.shared.mix.policy(state);
+        let Some(mix) = &self.shared.mix else {
+            let fact = format!("no states of episode {state}");
+            return Err(Error::malformed(self.shared.path, fact, "what is drawn again has all its states"));
+        };
+        let spec = mix.policy(state);
         let policy = self.policy(spec)?;
         let distractor = acting_distractor(state);
         let seed = state_seed(run.seed, state);

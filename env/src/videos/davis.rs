@@ -1,7 +1,7 @@
 //! Videos from a folder: `DIR/<video>/<frame>.jpg`, as in DAVIS 2017, whose official train and validation lists are known by name.
 //!
-//! In: a folder. Out: the names of its videos, and a video's frame files in the order people count. A folder without any DAVIS name
-//! is used as it is: all its sub-folders. Helper files of operating systems and editors are no videos and no frames.
+//! In: a folder. Out: the names of the videos of a set, and a video's frame files in the order people count. A folder without any DAVIS name is used as it is: all
+//! its sub-folders, of which the first half is for training. Helper files of operating systems and editors are no videos and no frames.
 
 use std::path::{Path, PathBuf};
 
@@ -107,12 +107,22 @@ pub const VAL: [&str; 30] = [
     "soapbox",
 ];
 
-/// The videos of `folder`, in the order in which the suite takes them: the official list if the folder has a video of either official list, else every
-/// sub-folder that holds frames, in the order people count.
+/// The videos of one set of a folder.
+#[derive(Debug)]
+pub(super) struct Listed {
+    /// Their names.
+    pub(super) names: Vec<String>,
+    /// What they are, for an error that counts them.
+    pub(super) what: &'static str,
+}
+
+/// The videos of one set of `folder`, in the order in which the suite takes them: those of the official list if the folder has a video of either official list, else
+/// half of the sub-folders that hold frames, in the order people count. Whoever trains under one set and whoever is evaluated under the other do not know each other's
+/// number of videos, so that only a fixed half keeps the two apart; the middle one of an odd number is for training.
 ///
 /// # Errors
 /// When the folder cannot be read, or is official and holds none of the videos asked for: those of the other set must not stand in for them.
-pub(super) fn list(folder: &Path, set: VideoSet) -> Result<Vec<String>> {
+pub(super) fn list(folder: &Path, set: VideoSet) -> Result<Listed> {
     let of = |set: VideoSet| -> Vec<String> {
         let official: &[&str] = match set {
             VideoSet::Train => &TRAIN,
@@ -126,16 +136,25 @@ pub(super) fn list(folder: &Path, set: VideoSet) -> Result<Vec<String>> {
         VideoSet::Val => (val, train),
     };
     if !asked.is_empty() {
-        return Ok(asked);
+        let what = match set {
+            VideoSet::Train => "official train videos of DAVIS",
+            VideoSet::Val => "official val videos of DAVIS",
+        };
+        return Ok(Listed { names: asked, what });
     }
     if !other.is_empty() {
         let fact = format!("no official {set} video of DAVIS, but {} of the other set ({} …)", other.len(), other[0]);
-        let expected = "ask for the other set with --video-set, or give a folder that holds this one";
+        let expected = "a folder that holds some, since the videos of one set do not stand in for those of the other";
         return Err(Error::malformed(folder, fact, expected));
     }
     let folders = names::listed(folder)?.into_iter().filter(|path| path.is_dir());
     let named = folders.filter_map(|path| path.file_name()?.to_str().map(str::to_owned));
-    Ok(named.filter(|name| frames(folder, name).is_ok()).collect())
+    let mut names: Vec<String> = named.filter(|name| frames(folder, name).is_ok()).collect();
+    let held_out = names.split_off(names.len().div_ceil(2));
+    Ok(match set {
+        VideoSet::Train => Listed { names, what: "train videos (the first half of the folder)" },
+        VideoSet::Val => Listed { names: held_out, what: "val videos (the second half of the folder)" },
+    })
 }
 
 /// The frame files of a video, in the order people count: `2.png` before `10.png`.

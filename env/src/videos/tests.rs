@@ -24,6 +24,17 @@ fn procedural_sets_share_no_family_and_no_name() {
     assert_eq!((procedural::list(VideoSet::Train, None).len(), procedural::list(VideoSet::Val, None).len()), (60, 30));
 }
 
+/// A number from a damaged file asks for more names than memory holds.
+#[test]
+fn more_videos_than_a_set_may_have_are_refused_before_any_is_named() {
+    let most = usize::from(MOST_VIDEOS);
+    assert_eq!(VideoSource::Procedural.list(VideoSet::Val, Some(most)).unwrap().len(), most);
+    for count in [most + 1, usize::MAX] {
+        let error = VideoSource::Procedural.list(VideoSet::Train, Some(count)).unwrap_err().to_string();
+        assert!(error.contains(&count.to_string()) && error.contains("1 to 10000"), "{error}");
+    }
+}
+
 #[test]
 fn procedural_videos_depend_on_their_name_only_and_move() {
     for set in [VideoSet::Train, VideoSet::Val] {
@@ -78,13 +89,18 @@ fn davis_is_known_by_name_and_other_folders_are_sorted() {
     }
     std::fs::create_dir(folder.path().join("empty")).unwrap();
     let source = VideoSource::Folder(folder.path().to_owned());
-    assert_eq!(source.list(VideoSet::Train, None).unwrap(), ["ant", "mole", "zebra"]);
-    assert!(source.list(VideoSet::Train, Some(4)).unwrap_err().to_string().contains("3 videos; 4 are needed"));
+    assert_eq!(source.list(VideoSet::Train, None).unwrap(), ["ant", "mole"], "the larger half");
+    assert_eq!(source.list(VideoSet::Val, None).unwrap(), ["zebra"]);
+    let error = source.list(VideoSet::Train, Some(3)).unwrap_err().to_string();
+    assert!(error.contains("2 train videos (the first half of the folder); 3 are needed"), "{error}");
     // One official name decides: those of the other set do not stand in for the ones asked for.
     write_video(folder.path(), "boat", 2);
     assert_eq!(source.list(VideoSet::Train, None).unwrap(), ["boat"]);
     let error = source.list(VideoSet::Val, None).unwrap_err().to_string();
     assert!(error.contains("no official val video") && error.contains("boat"), "{error}");
+    assert!(!error.contains("--"), "an option that not every program has: {error}");
+    let error = source.list(VideoSet::Train, Some(2)).unwrap_err().to_string();
+    assert!(error.contains("1 official train videos of DAVIS; 2 are needed"), "{error}");
     for name in ["bear", "blackswan", "bike-packing"] {
         write_video(folder.path(), name, 2);
     }
@@ -94,21 +110,27 @@ fn davis_is_known_by_name_and_other_folders_are_sorted() {
     assert!(davis::TRAIN.iter().all(|name| !davis::VAL.contains(name)));
 }
 
+/// Two commands do not know each other's counts: no pair of them may share a film.
 #[test]
 fn what_is_held_out_is_never_trained_under() {
     let folder = tempfile::tempdir().unwrap();
-    for name in ["a", "b", "c", "d", "e"] {
-        write_video(folder.path(), name, 1);
-    }
     let source = VideoSource::Folder(folder.path().to_owned());
-    assert_eq!(source.lists(Some(2)).unwrap(), [vec!["a", "b"], vec!["c", "d"]]);
-    assert_eq!(source.lists(None).unwrap(), [vec!["a", "b"], vec!["c", "d"]]);
-    assert!(source.lists(Some(3)).unwrap_err().to_string().contains("5 videos; 6 are needed"));
-    assert!(source.lists(Some(usize::MAX)).is_err());
-    assert_eq!(source.part(VideoSet::Train, Some(5)).unwrap().len(), 5, "all of them, as long as none are held out");
-    assert_eq!(source.part(VideoSet::Val, Some(2)).unwrap(), ["c", "d"]);
-    assert_eq!(source.part(VideoSet::Train, None).unwrap(), ["a", "b"]);
-    assert!(source.part(VideoSet::Val, Some(3)).is_err());
+    for films in 1..=7_usize {
+        write_video(folder.path(), &format!("film-{films}"), 1);
+        let counts = || (1..=films + 1).map(Some).chain([None, Some(usize::MAX)]);
+        let listed = |set| counts().filter_map(|count| source.list(set, count).ok()).collect::<Vec<_>>();
+        let (train, val) = (listed(VideoSet::Train), listed(VideoSet::Val));
+        // Every count up to that of the half, and all of it.
+        assert_eq!((train.len(), val.len()), (films.div_ceil(2) + 1, films / 2 + usize::from(films > 1)), "{films}");
+        for (trained, held_out) in train.iter().flat_map(|train| val.iter().map(move |val| (train, val))) {
+            assert!(held_out.iter().all(|film| !trained.contains(film)), "{films}: {trained:?}, {held_out:?}");
+        }
+    }
+    let [train, val] = source.lists(None).unwrap();
+    assert_eq!((train.len(), val), (4, ["film-5", "film-6", "film-7"].map(str::to_owned).to_vec()));
+    assert_eq!(source.lists(Some(2)).unwrap(), [["film-1", "film-2"], ["film-5", "film-6"]]);
+    let error = source.lists(Some(4)).unwrap_err().to_string();
+    assert!(error.contains("3 val videos (the second half of the folder); 4 are needed"), "{error}");
     for name in ["bear", "blackswan"] {
         write_video(folder.path(), name, 1);
     }

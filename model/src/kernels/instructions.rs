@@ -67,7 +67,10 @@ impl Instructions {
                 |_| work(),
             ),
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => HasAvx2::checked().run(work),
+            Self::Avx2 => HasAvx2::checked().run(
+                #[inline(always)]
+                |_| work(),
+            ),
             _ => {
                 assert!(self.available(), "{self:?} asked for on a processor without it");
                 work()
@@ -76,7 +79,7 @@ impl Instructions {
     }
 }
 
-/// Proof that this processor has the instructions of [`Instructions::Avx2`]: only a check makes one.
+/// Proof that this processor has the instructions of [`Instructions::Avx2`]: only a check makes one, so whatever asks for it may use them.
 #[cfg(target_arch = "x86_64")]
 #[derive(Clone, Copy, Debug)]
 pub(super) struct HasAvx2(());
@@ -96,9 +99,9 @@ impl HasAvx2 {
     /// Runs `work` compiled for these instructions, as [`Instructions::run`].
     #[inline]
     #[expect(unsafe_code, reason = "calls a function compiled for more instructions than the target's minimum")]
-    fn run<R>(self, work: impl FnOnce() -> R) -> R {
+    pub(super) fn run<R>(self, work: impl FnOnce(Self) -> R) -> R {
         // SAFETY: the processor has them: `self` is the proof.
-        unsafe { with_avx2(work) }
+        unsafe { with_avx2(self, work) }
     }
 }
 
@@ -136,6 +139,6 @@ fn with_avx512<R>(proof: HasAvx512, work: impl FnOnce(HasAvx512) -> R) -> R {
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
-fn with_avx2<R>(work: impl FnOnce() -> R) -> R {
-    work()
+fn with_avx2<R>(proof: HasAvx2, work: impl FnOnce(HasAvx2) -> R) -> R {
+    work(proof)
 }

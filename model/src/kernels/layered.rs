@@ -9,8 +9,11 @@ use super::flex;
 use super::memory::Buffer;
 use super::operation::Operand;
 
-/// Shares of a backward pass, each with its own sums of weight gradients.
-pub(super) const SHARES: usize = 8;
+/// Frames of one share of a backward pass over so many; each share has its own sums of weight gradients, which are added up at the end. There are at least two shares, for two cores, and
+/// at most eight; with 32 frames in one the sums are worth their additions. It depends on the frames alone, never on the cores.
+pub(super) fn share_of(frames: usize) -> usize {
+    frames.div_ceil(frames.div_ceil(32).clamp(2, 8)).max(1)
+}
 
 /// One layer's weight, `[out, in, rows, columns]` in Burn's order, and bias.
 #[derive(Clone, Copy, Debug)]

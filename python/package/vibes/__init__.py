@@ -8,8 +8,11 @@
     shares = vibes.measures.variance_shares(table)                      # what the latents hold, with intervals
     latents = vibes.load("runs/reacher").encode(recording[0])           # a trained model
 
-Everything works with numpy alone except ``make`` and ``make_vec``, which need Gymnasium, and ``make_dm``, which needs dm_env. Whatever goes wrong
-raises :class:`vibes.Error` with the toolkit's own message.
+Everything works with numpy alone except ``make`` and ``make_vec``, which need Gymnasium, and ``make_dm``, which needs dm_env.
+
+A value that cannot be right (a name that is not known, a number out of range, an array of another shape or kind, a file that is missing or damaged) raises
+:class:`vibes.Error` with the toolkit's own message, and so does whatever goes wrong at work. What Python refuses by itself stays Python's: TypeError or
+AttributeError for a parameter that does not exist or an object of another class, IndexError past the end of a sequence, ImportError for a missing package.
 """
 
 from . import measures

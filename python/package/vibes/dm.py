@@ -12,6 +12,7 @@ import numpy as np
 from dm_env import specs
 from numpy.typing import NDArray
 
+from .checks import checked_shape
 from .world import open_world
 
 
@@ -34,7 +35,7 @@ class DmEnvironment(dm_env.Environment):
         """One agent step: the action is held for the action repeat, rewards are summed over it. After an episode's last step it resets."""
         if self._is_over:
             return self.reset()
-        rows = self.world.step(np.asarray(action, np.float32)[None], draw=self._draw)
+        rows = self.world.step(checked_shape("action", action, (self.world.action_size,))[None], draw=self._draw)
         reward, observation = float(rows["reward"][0]), self._observation(rows)
         self._is_over = bool(rows["is_last"][0])
         return dm_env.truncation(reward, observation) if self._is_over else dm_env.transition(reward, observation)

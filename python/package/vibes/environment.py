@@ -14,7 +14,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from . import _vibes
-from .world import World, checked_number, checked_seed, open_world
+from .checks import checked_number, checked_options, checked_seed, checked_shape
+from .world import World, open_world
+
 
 def observation_space(world: World, observation: str) -> spaces.Space[Any]:
     """Pixels uint8 ``[size, size, 3]``, the task's vector float32 ``[observation]``, or both under those names."""
@@ -62,17 +64,15 @@ class Environment(gymnasium.Env[Any, Any]):
             The observation, and ``{"episode_number": i}``.
         """
         super().reset(seed=None if seed is None else checked_seed(seed))
-        options = options or {}
+        options = checked_options(options, ("episode", "state", "distractor"))
         if "distractor" in options and "state" not in options or "episode" in options and "state" in options:
             raise _vibes.Error(f"reset options {sorted(options)}; right is an episode alone, or a state with or without its distractor")
-        if unknown := set(options) - {"episode", "state", "distractor"}:
-            raise _vibes.Error(f"unknown reset options {sorted(map(str, unknown))}; known are episode, state, distractor")
         if seed is not None:
             self.world.seek(0, seed=seed)
         if "episode" in options:
-            self.world.seek(checked_number(options["episode"]))
-        if "state" in options or "distractor" in options:
-            state = checked_number(options.get("state", 0))
+            self.world.seek(checked_number(options["episode"], "the episode"))
+        if "state" in options:
+            state = checked_number(options["state"], "the state trajectory")
             rows = self.world.reset_to([(self.world.seed, state, options.get("distractor", state))], draw=self._draw)
         else:
             rows = self.world.reset(draw=self._draw)
@@ -84,7 +84,7 @@ class Environment(gymnasium.Env[Any, Any]):
         Returns:
             The observation, the reward summed over the repeat, terminated (never), truncated (after 1000 control steps), ``{}``.
         """
-        rows = self.world.step(np.asarray(action, np.float32)[None], draw=self._draw)
+        rows = self.world.step(checked_shape("action", action, (self.world.action_size,))[None], draw=self._draw)
         return self._observation(rows), float(rows["reward"][0]), False, bool(rows["is_last"][0]), {}
 
     def render(self) -> NDArray[np.uint8] | None:

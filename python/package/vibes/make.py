@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def tasks() -> list[str]:
-    """The names of the tasks; swimmer-N stands for any number of links from 3."""
+    """The names of the tasks; swimmer-N stands for 3 to 496 links, the most that MuJoCo can load."""
     return _vibes.task_names()
 
 

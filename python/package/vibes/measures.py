@@ -10,14 +10,14 @@ distractor trajectories (not a number where there are too few to say), mostly wi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _vibes
-from .world import checked_number, checked_seed
+from .checks import checked_array, checked_number, checked_real, checked_seed
 
 if TYPE_CHECKING:
     from .recordings import Recording
@@ -48,7 +48,7 @@ class Table:
         state: ArrayLike | None = None,
         distractor: ArrayLike | None = None,
     ) -> None:
-        self.latents: NDArray[np.float32] = np.asarray(latents, np.float32)
+        self.latents: NDArray[np.float32] = checked_array("latents", latents, "numbers [rows, dims]", np.float32)
         if self.latents.ndim != 2:
             raise _vibes.Error(f"latents of shape {self.latents.shape}; right is [rows, dims]")
         keys: dict[str, Any]
@@ -61,7 +61,7 @@ class Table:
         self.episode, self.step = counts("episode", keys["episode"]), counts("step", keys["step"])
         grid = None
         if keys["state"] is not None and keys["distractor"] is not None:
-            grid = (np.asarray(keys["state"], np.int64), np.asarray(keys["distractor"], np.int64))
+            grid = (cells("state", keys["state"]), cells("distractor", keys["distractor"]))
         self._native = _vibes.Table(self.latents, self.episode, self.step, grid)
 
     def __len__(self) -> int:
@@ -84,10 +84,18 @@ def row_keys(recording: Recording) -> dict[str, Any]:
 
 def counts(name: str, values: ArrayLike) -> NDArray[np.uint32]:
     """Whole numbers from 0 as the tables keep them."""
-    array = np.asarray(values)
+    array = checked_array(name, values, "whole numbers [rows]")
     if array.ndim != 1 or array.dtype.kind not in "iu" or (array.size and (array.min() < 0 or array.max() >= 2**32)):
         raise _vibes.Error(f"{name} of type {array.dtype} and shape {array.shape}; right is [rows], whole numbers from 0 to 2**32 - 1")
     return array.astype(np.uint32)
+
+
+def cells(name: str, values: ArrayLike) -> NDArray[np.int64]:
+    """Numbers of trajectories, -1 in rows of no cell, as the tables keep them."""
+    array = checked_array(name, values, "whole numbers [rows]")
+    if array.ndim != 1 or array.dtype.kind not in "iu":
+        raise _vibes.Error(f"{name} of type {array.dtype} and shape {array.shape}; right is [rows], whole numbers, -1 in rows of no cell")
+    return array.astype(np.int64)
 
 
 def grid_numbers(
@@ -107,8 +115,11 @@ def grid_numbers(
         seed: of what is drawn.
     """
     control = None if past_actions is None else past_actions._native
-    counted = [checked_number(number) for number in k]
-    return table._native.grid_numbers(control, counted, checked_number(tolerance), checked_number(queries), checked_seed(seed))
+    if not isinstance(k, Iterable):
+        raise _vibes.Error(f"k {k!r}; right is whole numbers, as (1, 5)")
+    counted = [checked_number(number, "k") for number in k]
+    words = (checked_number(tolerance, "tolerance"), checked_number(queries, "queries"), checked_seed(seed))
+    return table._native.grid_numbers(control, counted, *words)
 
 
 def variance_shares(table: Table) -> Numbers:
@@ -143,7 +154,7 @@ def retrieval(table: Table, *, among: str = "same_step", k: int = 1, tolerance: 
     """
     if among not in ("same_step", "any_step"):
         raise _vibes.Error(f"unknown candidates {among!r}, choose one of: same_step, any_step")
-    words = (checked_number(k), checked_number(tolerance), checked_number(queries), checked_seed(seed))
+    words = (checked_number(k, "k"), checked_number(tolerance, "tolerance"), checked_number(queries, "queries"), checked_seed(seed))
     return table._native.retrieval(among == "same_step", *words)
 
 
@@ -163,10 +174,10 @@ def neighbours(
     Returns:
         ``rows`` int64 and ``distances`` float64, ``[queries, k]`` each.
     """
-    asked = np.arange(len(table)) if queries is None else np.asarray(queries)
+    asked = np.arange(len(table)) if queries is None else checked_array("queries", queries, "row numbers [queries]")
     if asked.ndim != 1 or asked.dtype.kind not in "iu":
         raise _vibes.Error(f"queries of type {asked.dtype} and shape {asked.shape}; right is [queries], row numbers")
-    rows, distances = table._native.neighbours(asked.astype(np.int64), checked_number(k), exclude, metric)
+    rows, distances = table._native.neighbours(asked.astype(np.int64), checked_number(k, "k"), exclude, metric)
     return {"rows": rows, "distances": distances}
 
 
@@ -203,12 +214,12 @@ def probes(
     if fit_on is not None:
         other, theirs = fit_on
         fitted = (other._native, {str(name): quantity(str(name), values, hold_out.get(name, "state")) for name, values in theirs.items()})
-    return table._native.probes(read, fitted, checked_number(folds), checked_number(k), checked_seed(seed))
+    return table._native.probes(read, fitted, checked_number(folds, "folds"), checked_number(k, "k"), checked_seed(seed))
 
 
 def quantity(name: str, values: ArrayLike, hold_out: str) -> tuple[NDArray[np.float64], bool, str]:
     """A quantity as the probes take it: values, whether they are classes, what is held out together."""
-    array = np.asarray(values)
+    array = checked_array(name, values, "numbers or classes [rows]")
     is_class = array.dtype.kind in "iub"
     if array.ndim != 1 or array.dtype.kind not in "iubf":
         raise _vibes.Error(f"{name} of type {array.dtype} and shape {array.shape}; right is [rows], numbers or classes")
@@ -240,9 +251,10 @@ def umap(
     Returns:
         ``positions`` float32 ``[rows, 2]``, ``trustworthiness`` and ``kept`` (share of the neighbours that the map keeps; None of three rows or fewer).
     """
-    rounds = None if epochs is None else checked_number(epochs)
-    size = None if neighbours is None else checked_number(neighbours)
-    return table._native.umap(size, float(min_dist), float(spread), rounds, metric, checked_seed(seed))
+    rounds = None if epochs is None else checked_number(epochs, "epochs")
+    size = None if neighbours is None else checked_number(neighbours, "neighbours")
+    scales = (checked_real(min_dist, "min_dist"), checked_real(spread, "spread"))
+    return table._native.umap(size, *scales, rounds, metric, checked_seed(seed))
 
 
 def symmetry(
@@ -264,10 +276,13 @@ def symmetry(
         not), ``symmetry_percentile`` (share of the rows that look as different whose latents are farther away than the rotation's) and
         ``symmetry_percentile_equal_distance`` (the same among rows of equal distance to the target); and the ``pairs``.
     """
-    images = np.asarray(pixels)
-    images = images.reshape(len(images), -1) if images.ndim else images.reshape(1, 1)
-    arrays = (np.atleast_2d(np.asarray(joints, np.float64)), np.atleast_2d(np.asarray(targets, np.float64)), images.astype(np.float32))
-    return table._native.symmetry(*arrays, float(tolerance), checked_number(pairs), checked_seed(seed))
+    images = np.atleast_1d(checked_array("pixels", pixels, "pictures [rows, …]", np.float32))
+    pictures = images.reshape(len(images), int(np.prod(images.shape[1:])))
+    states = [np.atleast_2d(checked_array(name, array, "numbers [rows, 2]", np.float64)) for name, array in [("joints", joints), ("targets", targets)]]
+    if any(array.ndim != 2 for array in states):
+        raise _vibes.Error(f"joints of shape {list(states[0].shape)} and targets of shape {list(states[1].shape)}; right is [rows, 2] of both")
+    words = (checked_real(tolerance, "tolerance"), checked_number(pairs, "pairs"), checked_seed(seed))
+    return table._native.symmetry(states[0], states[1], pictures, *words)
 
 
 def effective_rank(table: Table) -> Numbers:
@@ -284,7 +299,7 @@ def past_actions(actions: ArrayLike) -> NDArray[np.float32]:
     Returns:
         Features of every row, ``[T + 1, features]``: the last eight actions, running averages with four memories, and the step.
     """
-    array = np.asarray(actions, np.float32)
+    array = checked_array("actions", actions, "numbers [T, action]", np.float32)
     if array.ndim != 2:
         raise _vibes.Error(f"actions of shape {array.shape}; right is [T, action]")
     return _vibes.past_actions(array)

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _vibes
+from .checks import checked_array, checked_seed
 from .recordings import Episode
-from .world import checked_seed
 
 if TYPE_CHECKING:
     from .recordings import Recording
@@ -71,15 +71,17 @@ class Model:
 
         Returns:
             ``[rows, latent]``.
+
+        Raises:
+            vibes.Error: observations or actions of another kind or shape, or a number that is not finite.
         """
         if isinstance(observations, Episode):
             episode = observations
             seen: Any = episode.pixels if self.kind == "pixels" else episode.observation
             taken = episode.action
         else:
-            seen, taken = np.asarray(observations), np.asarray([] if actions is None else actions, np.float32)
-        if self.kind != "pixels":
-            seen = np.asarray(seen, np.float32)
+            seen = self._seen("observations", observations)
+            taken = checked_array("actions", [] if actions is None else actions, "numbers [rows - 1, action]", np.float32)
         width = len(self.config["action_min"])
         rows = len(seen) if seen.ndim else 0
         if rows > 1 and (taken.ndim != 2 or len(taken) < rows - 1 or taken.shape[1] != width):
@@ -109,13 +111,15 @@ class Model:
             ``[action]``, in the task's own units.
 
         Raises:
-            vibes.Error: the model has no actor, or looks at something else.
+            vibes.Error: the model has no actor or looks at something else, or a number is not finite.
         """
-        seen = np.asarray(observation)
-        if self.kind != "pixels":
-            seen = np.asarray(seen, np.float32)
-        before = None if executed is None else np.ravel(np.asarray(executed, np.float32))
+        seen = self._seen("observation", observation)
+        before = None if executed is None else np.ravel(checked_array("executed", executed, "numbers [action]", np.float32))
         return self._native.act(seen[None], before, bool(sample))
+
+    def _seen(self, what: str, observations: ArrayLike) -> NDArray[Any]:
+        # Pictures keep their type, because only bytes are pictures; vectors are taken in single precision.
+        return checked_array(what, observations, f"what the model looks at, {self.kind}", None if self.kind == "pixels" else np.float32)
 
     def __repr__(self) -> str:
         return f"<vibes.Model of {self.task}: {self.checkpoint}>"

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _vibes
-from .world import checked_number, checked_seed
+from .checks import checked_number, checked_seed
 
 Batch = dict[str, NDArray[Any]]
 """Windows by name: ``pixels`` uint8 ``[batch, time, height, width, 3]`` (where there are pictures), ``observation`` float32 ``[batch, time,
@@ -170,7 +170,7 @@ class Recording(Sequence[Episode]):
 
     def episode(self, index: int) -> Episode:
         """The episode of this number."""
-        return Episode(self._native.episode(checked_number(index)))
+        return Episode(self._native.episode(checked_number(index, "the episode")))
 
     def windows(self, *, length: int = 32, batch: int = 16, seed: int = 0) -> Windows:
         """The batches of windows that a training run with this seed draws; see :class:`Windows`."""
@@ -218,7 +218,8 @@ class Windows:
 
     def __init__(self, paths: Sequence[str | os.PathLike[str]], *, length: int = 32, batch: int = 16, seed: int = 0) -> None:
         self._paths = [os.fspath(path) for path in paths]
-        self._native = _vibes.Windows([_vibes.Recording(path) for path in self._paths], checked_number(length), checked_number(batch))
+        sizes = checked_number(length, "length"), checked_number(batch, "batch")
+        self._native = _vibes.Windows([_vibes.Recording(path) for path in self._paths], *sizes)
         self.length, self.batch, self.seed = int(length), int(batch), checked_seed(seed)
 
     @property
@@ -227,7 +228,7 @@ class Windows:
         return self._native.count
 
     def __getitem__(self, update: int) -> Batch:
-        return batch_first(self._native.of_update(self.seed, checked_seed(update)))
+        return batch_first(self._native.of_update(self.seed, checked_seed(update, "the update")))
 
     def __iter__(self) -> Iterator[Batch]:
         update = 0
@@ -253,7 +254,7 @@ class WindowDataset:
 
     def __init__(self, paths: Sequence[str | os.PathLike[str]], *, length: int = 32) -> None:
         self._paths = [os.fspath(path) for path in paths]
-        self._native = _vibes.Windows([_vibes.Recording(path) for path in self._paths], checked_number(length), 1)
+        self._native = _vibes.Windows([_vibes.Recording(path) for path in self._paths], checked_number(length, "length"), 1)
         self.length = int(length)
 
     def __len__(self) -> int:

@@ -6,7 +6,7 @@ step (Gymnasium's ``AutoresetMode.NEXT_STEP``), whose action is not looked at an
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from . import _vibes
+from .checks import checked_choice, checked_options, checked_seed
 from .environment import action_space, observation_space
-from .world import checked_seed, open_world
+from .world import open_world
 
 
 class VectorEnvironment(VectorEnv[Any, Any, Any]):
@@ -58,17 +59,15 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         Returns:
             The observations, and ``{"episode_number": [environments]}``.
         """
-        options = options or {}
-        if unknown := set(options) - {"reset_mask"}:
-            raise _vibes.Error(f"unknown reset options {sorted(map(str, unknown))}; known is reset_mask")
-        mask = np.asarray(options.get("reset_mask", np.ones(self.num_envs, bool)), bool)
-        if seed is None or isinstance(seed, (int, np.integer)):
+        options = checked_options(options, ("reset_mask",))
+        mask = checked_choice("reset_mask", options.get("reset_mask"), self.num_envs)
+        if seed is None or not isinstance(seed, Iterable):
             if seed is not None:
                 self.world.seek(0, seed=checked_seed(seed))
             rows = self.world.reset(mask, draw=self._draw)
         else:
             seeds = [self.world.seed if value is None else checked_seed(value) for value in seed]
-            if len(seeds) != self.num_envs or mask.shape != (self.num_envs,):
+            if len(seeds) != self.num_envs:
                 raise _vibes.Error(f"{len(seeds)} seeds for {self.num_envs} environments; give one seed, or one for each")
             keys = [(value, 0, 0) if chosen else None for value, chosen in zip(seeds, mask)]
             rows = self.world.reset_to(keys, draw=self._draw)

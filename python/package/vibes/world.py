@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _vibes
+from .checks import checked_axes, checked_choice, checked_name, checked_number, checked_seed, checked_shape, checked_whole
 
 if TYPE_CHECKING:
     from .writer import Writer
@@ -81,22 +82,23 @@ class World:
         if size is not None:
             load_triton_first()
         axes = {"background": background_seed, "camera": camera_seed, "color": color_seed}
+        environments = checked_whole(environments, "environments")
         options = {
-            "task": task,
-            "difficulty": difficulty,
+            "task": checked_name(task, "task"),
+            "difficulty": checked_name(difficulty, "difficulty"),
             "dynamic": bool(dynamic),
-            "distract": distract.split(",") if isinstance(distract, str) else list(distract or ()),
+            "distract": checked_axes(distract),
             "videos": None if videos is None else os.fspath(videos),
-            "video_set": video_set,
-            "video_count": video_count,
-            "size": size,
-            "action_repeat": action_repeat,
-            "render": render,
+            "video_set": checked_name(video_set, "video_set"),
+            "video_count": None if video_count is None else checked_whole(video_count, "video_count"),
+            "size": None if size is None else checked_whole(size, "size"),
+            "action_repeat": None if action_repeat is None else checked_whole(action_repeat, "action_repeat"),
+            "render": checked_name(render, "render"),
             "raw_torques": bool(raw_torques),
-            "axis_seeds": {name: checked_seed(value) for name, value in axes.items() if value is not None},
+            "axis_seeds": {name: checked_seed(value, f"{name}_seed") for name, value in axes.items() if value is not None},
         }
         self.seed = checked_seed(seed)
-        self._native = _vibes.World(options, environments, threads)
+        self._native = _vibes.World(options, environments, None if threads is None else checked_whole(threads, "threads"))
         self._environments = environments
         self._begun = np.full(environments, -1, np.int64)
         self._next = list(range(environments))
@@ -135,15 +137,22 @@ class World:
         return np.asarray(action["min"], np.float32), np.asarray(action["max"], np.float32)
 
     @property
+    def action_size(self) -> int:
+        """Numbers in an action."""
+        return len(self.spec["action"]["min"])
+
+    @property
     def state_size(self) -> int:
         """Numbers in the vector observation."""
         return sum(part["len"] for part in self.spec["observation"])
 
     def seek(self, first: int = 0, *, seed: int | None = None) -> None:
         """The next ``reset`` begins with episode ``first`` (environment ``i`` with ``first + i``), of a recording of ``seed`` if it is given."""
+        first = checked_number(first, "first")
+        following = [checked_number(first + i, "the episode") for i in range(self._environments)]
         if seed is not None:
             self.seed = checked_seed(seed)
-        self._next = [checked_number(first + i) for i in range(self._environments)]
+        self._next = following
 
     def reset(self, which: Sequence[bool] | NDArray[np.bool_] | None = None, *, draw: bool = True) -> Rows:
         """Begins the next episode of every environment, or of those of ``which`` ``[environments]``.
@@ -152,14 +161,24 @@ class World:
             which: the environments; all unless given.
             draw: whether pictures are drawn; without, the rows have no ``pixels``.
         """
-        chosen = np.ones(self._environments, bool) if which is None else np.asarray(which, bool)
-        return self._native.reset(self._advance(chosen), draw)
+        return self._native.reset(self._advance(checked_choice("which", which, self._environments)), bool(draw))
 
     def reset_to(self, keys: Sequence[EpisodeKey | None], *, draw: bool = True) -> Rows:
-        """Begins given episodes, one of (seed, state trajectory, distractor trajectory) for every environment, or None for those that go on."""
-        keys = [None if key is None else (checked_seed(key[0]), checked_number(key[1]), checked_number(key[2])) for key in keys]
-        rows = self._native.reset(keys, draw)
-        for i, key in enumerate(keys):
+        """Begins given episodes, one of (seed, state trajectory, distractor trajectory) for every environment, or None for those that go on.
+
+        Raises:
+            vibes.Error: keys that are no such numbers, or of more or fewer environments; an episode that the recording being written has already.
+        """
+        try:
+            asked = list(keys)
+        except TypeError:
+            asked = []
+        if len(asked) != self._environments:
+            right = f"one of (seed, state trajectory, distractor trajectory), or None, for each of the {self._environments} environments"
+            raise _vibes.Error(f"keys {keys!r}; right is {right}")
+        checked = [None if key is None else checked_key(key) for key in asked]
+        rows = self._native.reset(checked, bool(draw))
+        for i, key in enumerate(checked):
             if key is not None:
                 self._begun[i] = key[1]
         return rows
@@ -175,8 +194,10 @@ class World:
         Raises:
             vibes.Error: an action that is not finite or of another shape, an episode that is over or has not begun, an unstable simulation.
         """
-        keys = None if reset is None or not reset.any() else self._advance(reset)
-        return self._native.step(np.asarray(actions, np.float32), keys, draw)
+        numbers = checked_shape("actions", actions, (self._environments, self.action_size))
+        chosen = None if reset is None else checked_choice("reset", reset, self._environments)
+        keys = None if chosen is None or not chosen.any() else self._advance(chosen)
+        return self._native.step(numbers, keys, bool(draw))
 
     def pictures(self) -> NDArray[np.uint8] | None:
         """The present pictures, ``[environments, size, size, 3]``; None of a world without pictures."""
@@ -192,19 +213,20 @@ class World:
         """
         if writer is None:
             self._native.stop_keeping()
-        else:
-            writer._native.keep(self._native, bool(acts_by_pictures))
+            return
+        native = getattr(writer, "_native", None)
+        if not isinstance(native, _vibes.Writer):
+            raise _vibes.Error(f"writer {writer!r}; right is a vibes.Writer, or None")
+        native.keep(self._native, bool(acts_by_pictures))
 
     def close(self) -> None:
         """Ends the threads and frees their memory; using the world afterwards raises."""
         self._native.close()
 
     def _advance(self, chosen: NDArray[np.bool_]) -> list[EpisodeKey | None]:
-        if chosen.shape != (self._environments,):
-            raise _vibes.Error(f"a choice of shape {chosen.shape}; right is [{self._environments}]")
         keys: list[EpisodeKey | None] = [None] * self._environments
         for i in np.flatnonzero(chosen):
-            number = checked_number(self._next[i])
+            number = checked_number(self._next[i], "the episode")
             keys[i] = (self.seed, number, number)
             self._begun[i] = number
             self._next[i] = number + self._environments
@@ -227,7 +249,7 @@ KINDS = ("pixels", "state", "both")
 
 def open_world(observation: str, render_mode: str | None, options: dict[str, Any]) -> World:
     """A world that draws only where somebody looks."""
-    if observation not in KINDS:
+    if checked_name(observation, "observation") not in KINDS:
         raise _vibes.Error(f"unknown observation {observation!r}; known are {', '.join(KINDS)}")
     if render_mode not in (None, "rgb_array"):
         raise _vibes.Error(f"unknown render_mode {render_mode!r}; known are None, rgb_array")
@@ -239,15 +261,10 @@ def open_world(observation: str, render_mode: str | None, options: dict[str, Any
     return world
 
 
-def checked_seed(seed: Any) -> int:
-    """A seed, or what would be one."""
-    if isinstance(seed, (bool, np.bool_)) or not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**64:
-        raise _vibes.Error(f"the seed {seed!r}; a seed is a whole number from 0 to 2**64 - 1")
-    return int(seed)
-
-
-def checked_number(number: Any) -> int:
-    """The number of an episode or trajectory, or what would be one."""
-    if isinstance(number, (bool, np.bool_)) or not isinstance(number, (int, np.integer)) or not 0 <= number < 2**32:
-        raise _vibes.Error(f"the number {number!r}; episodes and trajectories are numbered from 0 to 2**32 - 1")
-    return int(number)
+def checked_key(key: Any) -> EpisodeKey:
+    """Which episode of which recording, or what would say it."""
+    try:
+        seed, state, distractor = key
+    except (TypeError, ValueError):
+        raise _vibes.Error(f"the key {key!r} of an episode; right is (seed, state trajectory, distractor trajectory)") from None
+    return checked_seed(seed), checked_number(state, "the state trajectory"), checked_number(distractor, "the distractor trajectory")

@@ -7,7 +7,7 @@ In: an environment of this package and a policy, or whole episodes of anything a
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _vibes
+from .checks import checked_array, checked_name, checked_number, checked_real, checked_seed
 from .recordings import Recording
-from .world import World, checked_number, checked_seed
+from .world import World
 
 TYPES = {"qpos": np.float64, "qvel": np.float64, "pixels": np.uint8}
 """Columns that are not float32."""
@@ -70,10 +71,10 @@ class Writer:
         self._grid = None if grid is None else checked_grid(grid)
         self._world = None if env is None else world_of(env)
         if self._world is not None:
-            self._native = _vibes.Writer.of_world(path, self._world._native, self._world.seed, mcap, self._grid)
+            self._native = _vibes.Writer.of_world(path, self._world._native, self._world.seed, bool(mcap), self._grid)
             self._world.keep(self)
         else:
-            self._native = _vibes.Writer.of_spec(path, row_spec(spec or {}), 0, mcap, self._grid)
+            self._native = _vibes.Writer.of_spec(path, row_spec({} if spec is None else spec), 0, bool(mcap), self._grid)
 
     @property
     def path(self) -> Path:
@@ -108,6 +109,7 @@ class Writer:
         env = getattr(self._env, "unwrapped", None)
         if env is None or not hasattr(env, "action_space") or self._world is None or self._world.environments != 1:
             raise _vibes.Error("record plays an environment from vibes.make; others are kept while they are stepped")
+        episodes = None if episodes is None else checked_number(episodes, "episodes")
         try:
             if self._grid is not None:
                 rows = [row for row in range(self._grid[0]) if self._missing(row)]
@@ -144,7 +146,7 @@ class Writer:
         """
         if cell is not None and (self._grid is None or index is not None):
             raise _vibes.Error("a cell is of a Writer with a grid, and stands in place of the index; give one of the two")
-        number = self.next_episode() if index is None else checked_number(index)
+        number = self.next_episode() if index is None else checked_number(index, "index")
         place = self._place(number) if cell is None else pair(cell, "a cell")
         known = ("action", "reward", "discount", "observation", "pixels", "qpos", "qvel", "colors")
         if unknown := set(columns) - set(known):
@@ -212,7 +214,7 @@ def played(env: Any, policy: Callable[[Any], ArrayLike], options: dict[str, int]
     actions: list[NDArray[np.float32]] = []
     while not is_over:
         # A copy, since a policy may write its next action into the same array.
-        actions.append(np.array(policy(observation), np.float32))
+        actions.append(np.array(checked_array("the policy's action", policy(observation), "numbers [action]", np.float32)))
         observation, reward, terminated, truncated, _ = env.step(actions[-1])
         total, is_over = total + reward, terminated or truncated
     return float(total), actions
@@ -224,7 +226,7 @@ def pair(numbers: Any, what: str) -> tuple[int, int]:
         state, distractor = numbers
     except (TypeError, ValueError):
         raise _vibes.Error(f"{what} {numbers!r}; right is (state, distractor), two whole numbers") from None
-    return checked_number(state), checked_number(distractor)
+    return checked_number(state, f"the state of {what}"), checked_number(distractor, f"the distractor of {what}")
 
 
 def checked_grid(grid: Any) -> tuple[int, int]:
@@ -242,28 +244,34 @@ def world_of(env: Any) -> World:
 
 def as_type(name: str, values: ArrayLike) -> Any:
     """A column as the format keeps it. Pictures must be bytes already: a silent cast would wrap or darken them."""
-    array = np.asarray(values)
+    array = checked_array(name, values, "numbers [rows, …]")
     if name == "pixels" and array.dtype != np.uint8:
         raise _vibes.Error(f"pixels of type {array.dtype}; pictures are uint8, 0 to 255")
-    return np.ascontiguousarray(array, TYPES.get(name, np.float32))
+    return np.ascontiguousarray(checked_array(name, array, "numbers [rows, …]", TYPES.get(name, np.float32)))
 
 
 def row_spec(spec: dict[str, Any]) -> dict[str, Any]:
     """A user's short spec as the manifest's."""
+    if not isinstance(spec, Mapping):
+        raise _vibes.Error(f"the spec {spec!r}; right is a dictionary that names at least task, action_low and action_high")
     known = {"task", "action_low", "action_high", "observation", "size", "qpos", "qvel", "control_timestep", "action_repeat"}
     if unknown := set(spec) - known:
         raise _vibes.Error(f"unknown keys of the spec {sorted(map(str, unknown))}; known are {', '.join(sorted(known))}")
     if missing := {"task", "action_low", "action_high"} - set(spec):
         raise _vibes.Error(f"the spec has no {', '.join(sorted(missing))}; it names at least task, action_low and action_high")
-    size = spec.get("size")
+    size, parts = spec.get("size"), spec.get("observation", {})
+    if not isinstance(parts, Mapping):
+        raise _vibes.Error(f"the spec's observation {parts!r}; right is a dictionary of parts with their sizes, as {{'position': 3}}")
+    side = None if size is None else checked_number(size, "the spec's size, one side of its square pictures,")
+    bounds = {name: checked_array(f"the spec's {name}", spec[name], "numbers [action]", float) for name in ("action_low", "action_high")}
     return {
-        "task": str(spec["task"]),
-        "action": {"min": np.ravel(spec["action_low"]).astype(float).tolist(), "max": np.ravel(spec["action_high"]).astype(float).tolist()},
-        "observation": [{"name": str(name), "len": checked_number(count)} for name, count in dict(spec.get("observation", {})).items()],
-        "qpos": checked_number(spec.get("qpos", 0)),
-        "qvel": checked_number(spec.get("qvel", 0)),
-        "pixels": None if size is None else {"height": checked_number(size), "width": checked_number(size)},
+        "task": checked_name(spec["task"], "the spec's task"),
+        "action": {"min": np.ravel(bounds["action_low"]).tolist(), "max": np.ravel(bounds["action_high"]).tolist()},
+        "observation": [{"name": str(name), "len": checked_number(count, f"the spec's observation {name!r}")} for name, count in parts.items()],
+        "qpos": checked_number(spec.get("qpos", 0), "the spec's qpos"),
+        "qvel": checked_number(spec.get("qvel", 0), "the spec's qvel"),
+        "pixels": None if side is None else {"height": side, "width": side},
         "materials": [],
-        "control_timestep": float(spec.get("control_timestep", 1.0)),
-        "action_repeat": checked_number(spec.get("action_repeat", 1)),
+        "control_timestep": checked_real(spec.get("control_timestep", 1.0), "the spec's control_timestep"),
+        "action_repeat": checked_number(spec.get("action_repeat", 1), "the spec's action_repeat"),
     }

@@ -5,14 +5,15 @@ use std::path::PathBuf;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde::Deserialize;
+use vibes_data::MOST_ACTION_REPEAT;
 use vibes_env::distractors::{Axes, Difficulty, DistractorSettings};
 use vibes_env::render::{Look, MAX_SIZE, RenderSettings};
-use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
+use vibes_env::videos::{MOST_VIDEOS, VideoLibrary, VideoSet, VideoSource};
 use vibes_env::{ChosenSeeds, Environment, EnvironmentOptions, EpisodeSeeds};
 
 use crate::error::refused;
 
-/// The arguments as they come.
+/// The arguments as they come. Numbers may be below zero, so that whoever knows their bounds can say them.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Asked {
@@ -22,9 +23,9 @@ struct Asked {
     distract: Vec<String>,
     videos: Option<PathBuf>,
     video_set: String,
-    video_count: Option<u32>,
-    size: Option<u32>,
-    action_repeat: Option<u32>,
+    video_count: Option<i64>,
+    size: Option<i64>,
+    action_repeat: Option<i64>,
     render: String,
     raw_torques: bool,
     axis_seeds: ChosenSeeds,
@@ -44,24 +45,22 @@ pub(crate) struct WorldOptions {
     pub axis_seeds: ChosenSeeds,
 }
 
-/// Most control steps of an agent step.
-const MOST_REPEATS: u32 = 1000;
-/// Most videos.
-const MOST_VIDEOS: u32 = 10_000;
-
 impl WorldOptions {
     /// Reads the arguments; the message names the one that is wrong and what would be right.
     pub(super) fn read(asked: &Bound<'_, PyDict>) -> PyResult<Self> {
         let asked: Asked = pythonize::depythonize(asked).map_err(refused)?;
-        let within = |what: &str, value: Option<u32>, most: u32| match value {
-            Some(value) if value == 0 || value > most => Err(refused(format!("{what} {value}; right is 1 to {most}"))),
-            value => Ok(value),
+        let within = |what: &str, value: Option<i64>, most: u32| -> PyResult<Option<u32>> {
+            let Some(value) = value else { return Ok(None) };
+            match u32::try_from(value) {
+                Ok(number) if (1..=most).contains(&number) => Ok(Some(number)),
+                _ => Err(refused(format!("{what} {value}; right is 1 to {most}"))),
+            }
         };
         let distract = if asked.distract.is_empty() { "none".to_owned() } else { asked.distract.join(",") };
         Ok(Self {
             task: asked.task,
             environment: EnvironmentOptions {
-                action_repeat: within("an action repeat of", asked.action_repeat, MOST_REPEATS)?,
+                action_repeat: within("an action repeat of", asked.action_repeat, MOST_ACTION_REPEAT)?,
                 raw_torques: asked.raw_torques,
             },
             distractors: DistractorSettings {
@@ -71,7 +70,8 @@ impl WorldOptions {
             },
             videos: asked.videos.map_or(VideoSource::Procedural, VideoSource::Folder),
             video_set: asked.video_set.parse().map_err(refused)?,
-            video_count: within("a video count of", asked.video_count, MOST_VIDEOS)?.map(|count| count as usize),
+            video_count: within("a video count of", asked.video_count, u32::from(MOST_VIDEOS))?
+                .map(|count| count as usize),
             size: within("a size of", asked.size, MAX_SIZE as u32)?,
             look: asked.render.parse().map_err(refused)?,
             axis_seeds: asked.axis_seeds,
@@ -86,7 +86,7 @@ impl WorldOptions {
         self.size.map(|size| RenderSettings { size: size as usize, look: self.look })
     }
 
-    /// The background videos; none where no picture would show them.
+    /// The background videos, the same as the collector's for the same arguments; none where no picture would show them.
     pub(super) fn open_videos(&self) -> vibes_env::Result<VideoLibrary> {
         let Some(size) = self.size.filter(|_| self.distractors.axes.background) else {
             return Ok(VideoLibrary::none());

@@ -42,7 +42,9 @@ fn of_world_model(context: &Context, run: &Run) -> Result<()> {
     }
     let (info, options) = (run.info(), &run.info().options);
     println!("{}", run.path().display());
-    println!("  objective    {} (dynamics weight {})", options.objective, options.dynamics_weight);
+    let shaped = options.objective.dynamics_shape_latents();
+    let weight = if shaped { format!(" (dynamics weight {})", options.dynamics_weight) } else { String::new() };
+    println!("  objective    {}{weight}", options.objective);
     println!(
         "  model        {}, {}, latent {} ({}), depth {}, hidden {}",
         info.model.task, info.model.observation, options.latent, info.model.latents, options.depth, options.hidden

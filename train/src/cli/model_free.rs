@@ -142,14 +142,16 @@ impl ModelFreeArgs {
             return Err(wrong(format!("the system {} is of --agent {kind}; leave out one of the two", self.system())));
         }
         Ok(match system {
-            AgentOptions::Stacks(system) => AgentOptions::Stacks(SacOptions {
-                augment: self.augment.unwrap_or(system.augment),
-                next_views: self.next_views.unwrap_or(system.next_views),
-                views: self.views.unwrap_or(system.views),
-                auxiliary: self.auxiliary.unwrap_or(system.auxiliary),
-                batch: self.transitions.unwrap_or(system.batch),
-                ..system
-            }),
+            AgentOptions::Stacks(system) => {
+                let auxiliary = self.auxiliary.unwrap_or(system.auxiliary);
+                AgentOptions::Stacks(SacOptions {
+                    augment: self.augment.unwrap_or(system.augment),
+                    next_views: self.next_views.unwrap_or(system.next_views),
+                    views: self.views.unwrap_or(system.views),
+                    batch: self.transitions.unwrap_or(system.batch),
+                    ..system.with(auxiliary, self.size())
+                })
+            }
             AgentOptions::Recurrent(system) => {
                 let is_of_stacks = self.next_views.or(self.views).is_some() || self.auxiliary.is_some();
                 if is_of_stacks {

@@ -53,8 +53,8 @@ pub(crate) struct OfflineArgs {
 pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
     let options = args.options.resolve()?;
     if args.from.is_some() {
-        // The model that is gone on with has its unit of reward.
-        let settled = ["reward_scale", "reward_floor"];
+        // The model that is gone on with has its unit of reward and its first scales.
+        let settled = ["reward_scale", "reward_floor", "calibrate"];
         refuse(&args.given, settled, "with --from: the run that is gone on from has it settled")?;
     }
     let recordings = args.recordings.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>()?;

@@ -38,9 +38,14 @@ pub trait Auxiliary: fmt::Debug + Sync {
         None
     }
 
-    /// Steps it looks ahead of a row without pictures.
-    fn steps_ahead(&self, _options: &Settings) -> usize {
-        0
+    /// The option that says how many rows after a row it needs in the same window, where it needs any.
+    fn steps(&self) -> Option<&'static Declared> {
+        None
+    }
+
+    /// Whether these steps are those of the [rollout](crate::learners::rollout): ahead of a row without pictures.
+    fn rolls(&self) -> bool {
+        false
     }
 
     /// Whether its weight rises from 0 together with the dynamics term's. What asks the latents to be foreseen pulls them to one point as long as they
@@ -61,9 +66,10 @@ pub fn asked(options: &Settings) -> impl Iterator<Item = &'static dyn Auxiliary>
     REGISTRY.into_iter().filter(|term| term.weight(options) > 0.0)
 }
 
-/// How far ahead the terms asked for look without pictures.
-pub fn steps_ahead(options: &Settings) -> usize {
-    asked(options).map(|term| term.steps_ahead(options)).max().unwrap_or(0)
+/// How far ahead each of the terms asked for looks without pictures, where it does.
+pub fn reaches(options: &Settings) -> Vec<usize> {
+    let steps = asked(options).filter(|term| term.rolls()).filter_map(Auxiliary::steps);
+    steps.map(|steps| options.own.whole(steps) as usize).collect()
 }
 
 #[cfg(test)]

@@ -75,6 +75,17 @@ pub trait Definition: fmt::Debug + Sync {
         self.options()
     }
 
+    /// The option that says how many rows after a row it needs in the same window, where it needs any.
+    fn steps(&self) -> Option<&'static Declared> {
+        None
+    }
+
+    /// Whether the gradient of the dynamics term reaches the latents, as much of it as `--dynamics-weight` says. Where the dynamics are fitted on latents that they do not move, or shape
+    /// them by a term of their own, that option has no effect.
+    fn dynamics_shape_latents(&self) -> bool {
+        false
+    }
+
     /// The networks it needs beside encoder, dynamics and reward; `actions` is the number of values of an action.
     fn networks(&self, options: &Settings, actions: usize) -> Networks;
 

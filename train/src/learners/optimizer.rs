@@ -13,6 +13,8 @@ use vibes_model::parameters::{HostTensor, HostTensors, to_values};
 pub struct Optimizer {
     adam: Adam,
     moments: BTreeMap<String, Moments<1>>,
+    /// Steps made before a parameter's first one, where there were any: of a head that is added to a model in training. Its moments begin at zero then, whatever the others have seen.
+    begun: BTreeMap<String, u64>,
     steps: u64,
 }
 
@@ -41,7 +43,7 @@ impl NamedGradients {
 impl Optimizer {
     /// Before its first step.
     pub fn new(epsilon: f32) -> Self {
-        Self { adam: Adam { epsilon, ..Adam::default() }, moments: BTreeMap::new(), steps: 0 }
+        Self { adam: Adam { epsilon, ..Adam::default() }, moments: BTreeMap::new(), begun: BTreeMap::new(), steps: 0 }
     }
 
     /// Steps made so far.
@@ -72,6 +74,10 @@ impl Optimizer {
                 tensors.insert(format!("{prefix}.{kind}.{name}"), tensor);
             }
         }
+        for (name, begun) in &self.begun {
+            let tensor = HostTensor { shape: vec![1], values: vec![*begun as f32] };
+            tensors.insert(format!("{prefix}.begun.{name}"), tensor);
+        }
         tensors
     }
 
@@ -86,6 +92,10 @@ impl Optimizer {
         let moments =
             pairs.map(|(name, first, second)| (name.to_owned(), Moments { first: load(first), second: load(second) }));
         self.moments = moments.collect();
+        let begun = format!("{prefix}.begun.");
+        let begun =
+            tensors.iter().filter_map(|(name, tensor)| Some((name.strip_prefix(&begun)?, tensor.values.first()?)));
+        self.begun = begun.map(|(name, begun)| (name.to_owned(), *begun as u64)).collect();
         self.steps = steps;
     }
 }
@@ -135,7 +145,11 @@ impl ModuleMapper for Stepper<'_> {
         // `inner` leaves the autodiff graph; by now nothing else holds the values, so Adam may work in place.
         let flat = tensor.inner().reshape([gradient.dims()[0]]);
         let Optimizer { adam, steps, .. } = *self.optimizer;
-        let (flat, moments) = adam.update(flat, gradient, moments, self.learning_rate, self.scale, steps);
+        if moments.is_none() && steps > 1 {
+            self.optimizer.begun.insert(name.clone(), steps - 1);
+        }
+        let begun = self.optimizer.begun.get(&name).copied().unwrap_or(0);
+        let (flat, moments) = adam.update(flat, gradient, moments, self.learning_rate, self.scale, steps - begun);
         self.optimizer.moments.insert(name, moments);
         let tensor = Tensor::from_inner(flat.reshape(shape)).require_grad();
         Param::from_mapped_value(id, tensor, mapper)

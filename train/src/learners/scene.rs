@@ -114,9 +114,10 @@ impl<'a> Scene<'a> {
         })
     }
 
-    /// The dynamics run `steps` steps ahead without pictures from every row that has as many after it, under the recorded actions; the first call decides how far.
-    pub fn rollout(&self, steps: usize) -> &Rollout {
-        self.rollout.get_or_init(|| roll(&self.world.dynamics, self.batch, (&self.latents, self.states()), steps))
+    /// The dynamics run ahead without pictures under the recorded actions, as far as each of `reaches` asks for. It is made once: the first call decides, so that an objective that looks
+    /// ahead names the reaches of the auxiliary terms beside its own.
+    pub fn rollout(&self, reaches: &[usize]) -> &Rollout {
+        self.rollout.get_or_init(|| roll(&self.world.dynamics, self.batch, (&self.latents, self.states()), reaches))
     }
 }
 

@@ -126,7 +126,8 @@ impl Learner {
         drop(scene);
         let mut measures = Measures {
             latent_means: to_values(means),
-            dynamics_weight: schedule.dynamics_weight,
+            // Where the dynamics move no latents, nothing of their gradient reaches the encoder.
+            dynamics_weight: if objective.dynamics_shape_latents() { schedule.dynamics_weight } else { 0.0 },
             reached: Some(reached),
             phases,
             ..measure(&value)

@@ -52,7 +52,12 @@ impl Options {
             (!there && changed(key)).then(|| (key.replace('_', "-"), format!("the objective {name} {why}")))
         };
         let (adversary, waits) = (self.objective.networks(self, 1).adversary, self.objective.gate(self).is_some());
+        let shaped = self.objective.dynamics_shape_latents();
+        let rises = shaped || auxiliary::asked(self).any(|term| term.waits());
+        let unshaped = "fits the dynamics on latents that they do not move";
         without("adversary_lr", adversary, "has no adversary")
+            .or_else(|| without("dynamics_weight", shaped, unshaped))
+            .or_else(|| without("dynamics_warmup", rises, unshaped))
             .or_else(|| without("dynamics_start", waits, "does not wait"))
             .or_else(|| without("dynamics_after", waits, "does not wait"))
     }
@@ -70,7 +75,10 @@ mod tests {
     fn other(option: &Declared) -> Value {
         match option.kind {
             Kind::Number { default } => Value::Float(default + 0.125),
-            Kind::Whole { default } => Value::Integer(default as i64 + 1),
+            // Steps have an upper limit.
+            Kind::Whole { default } => {
+                Value::Integer(if default > 1 { default as i64 - 1 } else { default as i64 + 1 })
+            }
             Kind::Choice { default, among } => {
                 Value::String(among.iter().find(|word| **word != default).unwrap().to_string())
             }
@@ -112,6 +120,9 @@ mod tests {
             }
             let networks = chosen.networks(&Options::preset("tiny").unwrap(), 1);
             assert_eq!(laid(chosen, "adversary_lr", Value::Float(0.125)).is_ok(), networks.adversary, "{chosen}");
+            for (key, value) in [("dynamics_weight", Value::Float(0.77)), ("dynamics_warmup", Value::Integer(77))] {
+                assert_eq!(laid(chosen, key, value).is_ok(), chosen.dynamics_shape_latents(), "{chosen}, {key}");
+            }
             assert!(laid(chosen, "hidden", Value::Integer(40)).is_ok());
         }
     }

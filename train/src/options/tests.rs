@@ -108,7 +108,18 @@ fn declared_options_lie_beside_all_others() {
     let older: String = text.lines().filter(|line| !line.starts_with("inverse_weight")).collect::<Vec<_>>().join("\n");
     let read: Options = toml::from_str(&older).unwrap();
     assert_eq!(read.own.number(&crate::learners::auxiliary::inverse::WEIGHT), 0.0);
-    for wrong in ["clip = 'sometimes'", "reward_steps = 0.5", "inverse_weight = -1", "reward_steps = 16"] {
+    assert_eq!(read.first_difference(&options).unwrap().0, "inverse-weight", "it may not change on the way either");
+    let wrong = [
+        "clip = 'sometimes'",
+        "reward_steps = 0.5",
+        "inverse_weight = -1",
+        "reward_steps = 14",
+        "inverse_steps = 14",
+        "inverse_steps = 0",
+        "objective = 'self-prediction'\nself_prediction_steps = 40",
+        "objective = 'multi-step-inverse'\nmulti_step_inverse_steps = 0",
+    ];
+    for wrong in wrong {
         let layer: Table = wrong.parse().unwrap();
         assert!(Options::resolve("small", &[("a.toml", layer)]).is_err(), "{wrong}");
     }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::geometry::{FILTERS, Layer};
 use super::winograd::{Finish, Map, Room};
 use super::{passes, winograd};
-use crate::kernels::layered::{Gradients, SHARES, Weights, dealt};
+use crate::kernels::layered::{Gradients, Weights, dealt, share_of};
 use crate::kernels::{instructions::Instructions, memory::Buffer};
 
 /// Frames of one piece of forward work.
@@ -108,7 +108,7 @@ impl Stack {
         let frames = bytes.len() / self.frame_bytes();
         let turned: Vec<Buffer> = given.iter().skip(1).map(|given| winograd::transformed(given.weight, true)).collect();
         let kept = Kept { bytes, activations, gradient, turned: &turned };
-        let share = frames.div_ceil(SHARES).max(1);
+        let share = share_of(frames);
         let starts: Vec<usize> = (0..frames).step_by(share).collect();
         let shares: Vec<Vec<Sums>> =
             starts.into_par_iter().map(|start| self.share(&kept, start..frames.min(start + share))).collect();

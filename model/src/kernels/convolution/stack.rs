@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::geometry::{Layer, Planes};
 use super::{pixels, weights, winograd};
-use crate::kernels::layered::{Gradients, SHARES, Weights, dealt};
+use crate::kernels::layered::{Gradients, Weights, dealt, share_of};
 use crate::kernels::{instructions::Instructions, memory::Buffer};
 
 /// Frames of one piece of forward work.
@@ -94,8 +94,8 @@ impl Stack {
     ) -> Vec<Gradients> {
         let frames = bytes.len() / self.frame_bytes();
         let planes = self.planes(given, true);
-        let share = frames.div_ceil(SHARES);
-        let starts: Vec<usize> = (0..frames).step_by(share.max(1)).collect();
+        let share = share_of(frames);
+        let starts: Vec<usize> = (0..frames).step_by(share).collect();
         let last = self.layers.len() - 1;
         let width = self.layers[last].output_len();
         let shares: Vec<Vec<Planes>> = starts

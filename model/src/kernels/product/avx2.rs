@@ -24,8 +24,12 @@ const COLUMNS: usize = 16;
 pub(super) fn tile<const ROW: usize, const STEP: usize>(tile: Tile, left: &[f32], right: &[f32], out: &mut [f32]) {
     tile.check::<ROW, STEP>(left, right, out);
     let _ = HasAvx2::checked();
-    for row in (0..tile.rows).step_by(ROWS) {
-        let run = match tile.rows - row {
+    let mut row = 0;
+    while row < tile.rows {
+        // So few sums as one or two rows have wait for one another: seven and eight rows are made as four and the others.
+        let left_over = tile.rows - row;
+        let rows = if (ROWS + 1..ROWS + 3).contains(&left_over) { 4 } else { left_over.min(ROWS) };
+        let run = match rows {
             1 => fixed::<1, ROW, STEP>,
             2 => fixed::<2, ROW, STEP>,
             3 => fixed::<3, ROW, STEP>,
@@ -40,6 +44,7 @@ pub(super) fn tile<const ROW: usize, const STEP: usize>(tile: Tile, left: &[f32]
             // `PANEL`, of which these are `ROWS` at most and the columns from `column` on; the processor has AVX2, as was just checked.
             unsafe { run(tile.shape, left, right, out, tile.add) }
         }
+        row += rows;
     }
 }
 

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
+use vibes_data::MOST_ACTION_REPEAT;
 use vibes_env::distractors::{Axes, Difficulty};
 use vibes_env::render::Look;
-use vibes_env::videos::VideoSource;
+use vibes_env::videos::{MOST_VIDEOS, VideoSource};
 use vibes_train::learners::behaviour::{BehaviourOptions, Gradient};
 use vibes_train::online::options::OnlineOptions;
 
@@ -68,12 +69,12 @@ pub(super) struct WorldArgs {
     /// Distractors keep what they are at the start of the episode.
     #[arg(long = "static")]
     r#static: bool,
-    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS, whose lists say what is held out; of other folders the first --video-count are trained under and as many that
-    /// follow are held out [default: the built-in procedural videos].
+    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS, whose lists say what is held out; of other folders the first half is trained under and the second held out, of
+    /// each the first --video-count [default: the built-in procedural videos].
     #[arg(long, value_name = "DIR")]
     videos: Option<PathBuf>,
     /// Number of videos [default: the suite's for the difficulty].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST_VIDEOS)))]
     video_count: Option<u16>,
     /// Side of the pictures, pixels [default: 64].
     #[arg(long, conflicts_with = "no_pixels", value_parser = clap::value_parser!(u32).range(10..=512))]
@@ -85,7 +86,7 @@ pub(super) struct WorldArgs {
     #[arg(long, conflicts_with = "no_pixels")]
     render: Option<Look>,
     /// Control steps an action is held [default: the task's].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_ACTION_REPEAT)))]
     action_repeat: Option<u32>,
     /// Agent steps of an episode [default: 1000 control steps].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]

@@ -62,6 +62,10 @@ impl Auxiliary for Inverse {
         Some(HeadConfig { name: HEAD.to_owned(), input, output: 2 * actions })
     }
 
+    fn steps(&self) -> Option<&'static Declared> {
+        Some(&STEPS)
+    }
+
     fn value(&self, scene: &Scene<'_>, rng: &mut ChaCha8Rng) -> Result<Tensor<1>> {
         let most = most_steps(scene.options);
         let steps = rng.random_range(1..=most);
@@ -80,7 +84,6 @@ impl Auxiliary for Inverse {
     }
 }
 
-/// At least one step, at most as many as a window has room for.
 fn most_steps(options: &Settings) -> usize {
-    (options.own.whole(&STEPS) as usize).clamp(1, options.length - 1)
+    options.own.whole(&STEPS) as usize
 }

@@ -10,7 +10,7 @@
 use burn::tensor::Tensor;
 use rand_chacha::ChaCha8Rng;
 
-use super::{Auxiliary, steps_ahead};
+use super::{Auxiliary, reaches};
 use crate::error::Result;
 use crate::learners::scene::Scene;
 use crate::settings::Settings;
@@ -48,14 +48,18 @@ impl Auxiliary for RewardAhead {
         true
     }
 
-    fn steps_ahead(&self, options: &Settings) -> usize {
-        options.own.whole(&STEPS) as usize
+    fn steps(&self) -> Option<&'static Declared> {
+        Some(&STEPS)
+    }
+
+    fn rolls(&self) -> bool {
+        true
     }
 
     fn value(&self, scene: &Scene<'_>, _rng: &mut ChaCha8Rng) -> Result<Tensor<1>> {
-        let (rollout, reach) = (scene.rollout(steps_ahead(scene.options)), self.steps_ahead(scene.options));
+        let (rollout, reach) = (scene.rollout(&reaches(scene.options)), scene.options.own.whole(&STEPS) as usize);
         let actions = rollout.recorded(&scene.batch.actions, reach);
         let prediction = scene.world.reward.forward(rollout.ahead(reach).mean, actions);
-        Ok(rollout.mean(prediction.log_prob(rollout.recorded(&scene.batch.rewards, reach))))
+        Ok(rollout.mean(prediction.log_prob(rollout.recorded(&scene.batch.rewards, reach)), reach))
     }
 }

@@ -46,6 +46,10 @@ impl Definition for MultiStepInverse {
         &[STEPS]
     }
 
+    fn steps(&self) -> Option<&'static Declared> {
+        Some(&STEPS)
+    }
+
     fn networks(&self, options: &Settings, actions: usize) -> Networks {
         let input = 2 * options.latent + most_steps(options);
         let head = HeadConfig { name: HEAD.to_owned(), input, output: actions };
@@ -82,7 +86,6 @@ impl Definition for MultiStepInverse {
     }
 }
 
-/// At least one step, at most as many as a window has room for.
 fn most_steps(options: &Settings) -> usize {
-    (options.own.whole(&STEPS) as usize).clamp(1, options.length - 1)
+    options.own.whole(&STEPS) as usize
 }

@@ -41,6 +41,10 @@ impl Definition for NoAdversary {
         &[WAIT]
     }
 
+    fn dynamics_shape_latents(&self) -> bool {
+        true
+    }
+
     fn networks(&self, options: &Settings, actions: usize) -> Networks {
         let baseline = self.gate(options).filter(|condition| condition.gain > 0.0);
         Networks { heads: baseline.map(|_| ActionBaseline::head(actions)).into_iter().collect(), ..Networks::default() }

@@ -27,6 +27,10 @@ impl Definition for Reconstruction {
         "the observation, the next latent and the reward are predicted: the paper's ablation \"Recon.\""
     }
 
+    fn dynamics_shape_latents(&self) -> bool {
+        true
+    }
+
     fn networks(&self, _options: &Settings, _actions: usize) -> Networks {
         Networks { decoder: true, ..Networks::default() }
     }

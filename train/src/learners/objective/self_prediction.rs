@@ -17,7 +17,6 @@ use super::{Definition, Networks, Pictures, Rival, Value};
 use crate::error::Result;
 use crate::learners::auxiliary;
 use crate::learners::losses::self_prediction;
-use crate::learners::rollout::rows;
 use crate::learners::scene::Scene;
 use crate::settings::Settings;
 use crate::settings::own::{Declared, Kind};
@@ -50,6 +49,10 @@ impl Definition for SelfPrediction {
         &[STEPS]
     }
 
+    fn steps(&self) -> Option<&'static Declared> {
+        Some(&STEPS)
+    }
+
     fn networks(&self, options: &Settings, _actions: usize) -> Networks {
         let head = HeadConfig { name: HEAD.to_owned(), input: options.latent, output: options.latent };
         Networks { heads: vec![head], blind_to_actions: true, ..Networks::default() }
@@ -64,29 +67,22 @@ impl Definition for SelfPrediction {
     }
 
     fn value(&self, scene: &Scene<'_>, _rival: Rival<'_>, _rng: &mut ChaCha8Rng) -> Result<Value> {
-        let most = most_steps(scene.options);
-        // The rollout is shared with the auxiliary terms: as far as any of them looks.
-        let rollout = scene.rollout(most.max(auxiliary::steps_ahead(scene.options)));
-        let steps = most.min(rollout.latents.len());
-        let counted = to_values(rollout.counted.clone());
+        let steps = scene.options.own.whole(&STEPS) as usize;
+        // The rollout is shared with the auxiliary terms: as far as each of them looks, too.
+        let rollout = scene.rollout(&[auxiliary::reaches(scene.options), vec![steps]].concat());
+        let counted = to_values(rollout.counted(steps));
+        let (starts, latent) = (counted.len(), scene.means.dims()[2]);
         let chosen: Vec<i32> = (0..).zip(&counted).filter(|(_, counted)| **counted > 0.0).map(|(row, _)| row).collect();
         let count = chosen.len();
         if count == 0 {
             return Ok(models_apart(scene).less("self_prediction_loss", scene.means.clone().sum() * 0.0));
         }
-        let ahead: Vec<Tensor<3>> = rollout.latents[..steps].iter().map(|latent| latent.mean.clone()).collect();
-        let predictions = scene.world.head(HEAD)?.forward(Tensor::cat(ahead, 0));
-        let later = (1..=steps).map(|step| rows(&scene.means, step, rollout.starts));
-        let targets = Tensor::cat(later.collect(), 0);
+        let predictions = scene.world.head(HEAD)?.forward(rollout.ahead(steps).mean.reshape([steps, starts, latent]));
+        let targets = rollout.recorded(&scene.means, steps).reshape([steps, starts, latent]);
         let chosen = Tensor::<1, Int>::from_data(TensorData::new(chosen, [count]), &scene.means.device());
         let loss = self_prediction::loss(predictions.select(1, chosen.clone()), targets.select(1, chosen));
         let apart = models_apart(scene);
         Ok(Value { objective: apart.objective.clone() - loss.clone() * (WEIGHT - 1.0), ..apart }
             .less("self_prediction_loss", loss))
     }
-}
-
-/// At least one step, and few enough that a row which counts has as many after it in its window.
-fn most_steps(options: &Settings) -> usize {
-    (options.own.whole(&STEPS) as usize).clamp(1, options.length - 1 - options.burn_in)
 }

@@ -75,6 +75,10 @@ impl Definition for Vibes {
         &[CLIP]
     }
 
+    fn dynamics_shape_latents(&self) -> bool {
+        true
+    }
+
     fn networks(&self, options: &Settings, actions: usize) -> Networks {
         let baseline = self.gate(options).filter(|condition| condition.gain > 0.0);
         let heads = baseline.map(|_| ActionBaseline::head(actions)).into_iter().collect();

@@ -67,6 +67,19 @@ impl Auxiliary {
         if self == Self::Sar { SEQUENCE } else { 0 }
     }
 
+    /// Its weight beside the critics' loss, as published.
+    pub fn weight(self) -> f64 {
+        if self == Self::Mico { 1e-5 } else { 1.0 }
+    }
+
+    /// Frequencies that it draws for every update at a size, where it draws any.
+    pub fn frequencies(self, size: Size) -> Option<usize> {
+        (self == Self::Sar).then_some(match size {
+            Size::Paper => FREQUENCIES,
+            Size::Small => SMALL_FREQUENCIES,
+        })
+    }
+
     /// Whether it needs a model of the next features and the reward.
     pub fn has_transition(self) -> bool {
         matches!(self, Self::DeepMdp | Self::Dbc | Self::SimSr)
@@ -194,7 +207,7 @@ impl SacOptions {
         Ok(match size {
             Size::Paper => options,
             Size::Small => {
-                let frequencies = options.frequencies.map(|_| SMALL_FREQUENCIES);
+                let frequencies = options.auxiliary.frequencies(size);
                 Self { batch: 128, hidden: 256, views: 1, next_views: 1, frequencies, ..options }
             }
         })
@@ -202,6 +215,13 @@ impl SacOptions {
 }
 
 impl SacOptions {
+    /// With another auxiliary loss beside the critics', at the weight it was published with.
+    #[must_use]
+    pub fn with(self, auxiliary: Auxiliary, size: Size) -> Self {
+        let (auxiliary_weight, frequencies) = (auxiliary.weight(), auxiliary.frequencies(size));
+        Self { auxiliary, auxiliary_weight, frequencies, ..self }
+    }
+
     /// The networks these options ask for, for pictures and actions of a task.
     pub fn networks(&self, task: &str, picture: [usize; 2], (min, max): (Vec<f32>, Vec<f32>)) -> SacConfig {
         let search = CrossEntropy { samples: self.samples, elites: self.elites, iterations: self.iterations };
@@ -233,7 +253,7 @@ fn sac_rad() -> SacOptions {
         next_views: 1,
         views: 1,
         auxiliary: Auxiliary::None,
-        auxiliary_weight: 1.0,
+        auxiliary_weight: Auxiliary::None.weight(),
         batch: 512,
         stack: 3,
         hidden: 1024,
@@ -295,7 +315,7 @@ fn sar() -> SacOptions {
 fn mico() -> SacOptions {
     SacOptions {
         auxiliary: Auxiliary::Mico,
-        auxiliary_weight: 1e-5,
+        auxiliary_weight: Auxiliary::Mico.weight(),
         batch: 256,
         critic_rate: 0.005,
         encoder_rate: 0.005,

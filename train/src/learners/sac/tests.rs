@@ -93,6 +93,21 @@ fn the_best_action_is_found_where_it_is_known() {
     }
 }
 
+/// Laid over any system, an auxiliary loss weighs what it weighs in the system that it was published with.
+#[test]
+fn an_auxiliary_loss_brings_its_weight() {
+    for size in [Size::Small, Size::Paper] {
+        for (home, _) in SYSTEMS {
+            let home = SacOptions::system(home, size).unwrap();
+            for (system, _) in SYSTEMS {
+                let laid = SacOptions::system(system, size).unwrap().with(home.auxiliary, size);
+                let found = (laid.auxiliary, laid.auxiliary_weight, laid.frequencies);
+                assert_eq!(found, (home.auxiliary, home.auxiliary_weight, home.frequencies), "{system}");
+            }
+        }
+    }
+}
+
 #[test]
 fn every_system_learns_and_goes_on_from_disk_to_the_same_bytes() {
     for (system, _) in SYSTEMS {

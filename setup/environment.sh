@@ -1,0 +1,26 @@
+#!/usr/bin/env bash
+# Installs the packages of a requirements file in a Python environment: setup/environment.sh [--anew] REQUIREMENTS FOLDER [OPTION OF PIP …]
+# In: the file. Out: the environment, made if it is not there. The file's copy in it comes last and says that all of it is installed, so that an installation
+# that was cut short goes on, and a file that has changed since is installed again. Comments do not count. With --anew the old environment is removed first, so
+# that no package of an older list is left; without, nothing is, because the folder may be the user's own.
+set -euo pipefail
+
+anew=
+if [ "${1:-}" = --anew ]; then anew=1; shift; fi
+requirements=$1 folder=$2
+shift 2
+stamp=$folder/$(basename "$requirements")
+packages() { grep -v '^#' "$1" || true; }
+if [ -f "$stamp" ] && cmp -s <(packages "$requirements") <(packages "$stamp"); then exit 0; fi
+
+fail() { echo "setup: $1" >&2; exit 1; }
+command -v python3 >/dev/null || fail "python3 is missing; run: sudo apt-get install -y python3 python3-pip python3-venv"
+echo "setup: installing the packages of $requirements in $folder"
+if [ -n "$anew" ]; then rm -rf "$folder"; fi
+# What follows may be cut short, and then the folder is that of no list.
+rm -f "$stamp"
+mkdir -p "$(dirname "$folder")"
+python3 -m venv "$folder" 2>/dev/null || fail "python3 cannot make environments; run: sudo apt-get install -y python3-venv"
+"$folder/bin/python" -m pip install --quiet --disable-pip-version-check "$@" --requirement "$requirements" ||
+    fail "pip could not install the packages of $requirements"
+cp "$requirements" "$stamp"
