@@ -9,7 +9,8 @@ anew=
 if [ "${1:-}" = --anew ]; then anew=1; shift; fi
 requirements=$1 folder=$2
 shift 2
-stamp=$folder/$(basename "$requirements")
+# A folder that is made anew is ours; in another the user may have a list of this name.
+stamp=$folder/$([ -n "$anew" ] || echo .vibes-)$(basename "$requirements")
 packages() { grep -v '^#' "$1" || true; }
 if [ -f "$stamp" ] && cmp -s <(packages "$requirements") <(packages "$stamp"); then exit 0; fi
 

@@ -178,7 +178,7 @@ impl ScoreTable {
     #[must_use]
     pub fn text(&self, corner: &str, averages: bool, style: Style) -> String {
         let averages = averages && self.has_averages();
-        let mut rows = vec![self.head(corner, averages)];
+        let mut rows = vec![self.head(corner, averages, style)];
         rows.extend((0..self.methods.len()).map(|row| self.row(row, averages, style)));
         match style {
             Style::Terminal { .. } => aligned(&rows),
@@ -187,22 +187,24 @@ impl ScoreTable {
         }
     }
 
-    fn head(&self, corner: &str, averages: bool) -> Vec<Cell> {
-        let average = averages.then(|| "average".to_string());
-        std::iter::once(corner.to_string()).chain(self.tasks.iter().cloned()).chain(average).map(Cell::plain).collect()
+    fn head(&self, corner: &str, averages: bool, style: Style) -> Vec<Cell> {
+        let average = averages.then_some("average");
+        let names = std::iter::once(corner).chain(self.tasks.iter().map(String::as_str)).chain(average);
+        names.map(|name| Cell::of(name, style)).collect()
     }
 
     fn row(&self, row: usize, averages: bool, style: Style) -> Vec<Cell> {
         let entries = self.entries[row].iter().map(|entry| match entry {
             Some(entry) => Cell::set(entry.text(), entry.mark, style),
-            None => Cell::plain("–".into()),
+            None => Cell::of("–", style),
         });
         let mark = if self.best_average() == Some(row) { Mark::Best } else { Mark::Plain };
         let average = averages.then(|| match self.averages[row] {
             Some(mean) => Cell::set(mean_text(mean, None), mark, style),
-            None => Cell::plain("–".into()),
+            None => Cell::of("–", style),
         });
-        std::iter::once(Cell::plain(self.methods[row].clone())).chain(entries).chain(average).collect()
+        let name = Cell::of(&self.methods[row], style);
+        std::iter::once(name).chain(entries).chain(average).collect()
     }
 }
 
@@ -217,8 +219,14 @@ impl Cell {
         Self { width: text.chars().count(), text }
     }
 
+    /// A text that is not marked.
+    fn of(text: &str, style: Style) -> Self {
+        Self::plain(if style == Style::Latex { latex_escaped(text) } else { text.to_owned() })
+    }
+
     fn set(text: String, mark: Mark, style: Style) -> Self {
         let width = text.chars().count();
+        let text = if style == Style::Latex { latex_escaped(&text) } else { text };
         let wrapped = |before: &str, after: &str| format!("{before}{text}{after}");
         match (style, mark) {
             (Style::Terminal { ansi: true }, Mark::Best) => Self { text: wrapped("\u{1b}[1m", "\u{1b}[0m"), width },
@@ -272,7 +280,7 @@ fn latex(rows: &[Vec<Cell>]) -> String {
     let columns = rows.first().map_or(0, Vec::len);
     let mut text = format!("\\begin{{tabular}}{{l{}}}\n\\toprule\n", "r".repeat(columns.saturating_sub(1)));
     for (i, row) in rows.iter().enumerate() {
-        let cells: Vec<String> = row.iter().map(|cell| latex_escaped(&cell.text)).collect();
+        let cells: Vec<&str> = row.iter().map(|cell| cell.text.as_str()).collect();
         let _ = writeln!(text, "{} \\\\", cells.join(" & "));
         if i == 0 {
             text.push_str("\\midrule\n");
@@ -282,11 +290,22 @@ fn latex(rows: &[Vec<Cell>]) -> String {
     text
 }
 
-/// Commands of ours stay, a user's signs are escaped.
+/// A text whose signs mean themselves: names are a user's, who may have put anything into them.
 fn latex_escaped(text: &str) -> String {
-    let text = text.replace('_', "\\_").replace('%', "\\%").replace('&', "\\&").replace('#', "\\#").replace('$', "\\$");
-    let text = text.replace('^', "\\textasciicircum{}").replace('~', "\\textasciitilde{}");
-    text.replace('±', "$\\pm$").replace('−', "$-$").replace('–', "--")
+    let mut escaped = String::with_capacity(text.len());
+    for sign in text.chars() {
+        match sign {
+            '_' | '%' | '&' | '#' | '$' | '{' | '}' => escaped.extend(['\\', sign]),
+            '\\' => escaped.push_str("\\textbackslash{}"),
+            '^' => escaped.push_str("\\textasciicircum{}"),
+            '~' => escaped.push_str("\\textasciitilde{}"),
+            '±' => escaped.push_str("$\\pm$"),
+            '−' => escaped.push_str("$-$"),
+            '–' => escaped.push_str("--"),
+            _ => escaped.push(sign),
+        }
+    }
+    escaped
 }
 
 #[cfg(test)]
@@ -348,6 +367,8 @@ reconstruction  100 ± 25    710 ± 2 *    405
             text.starts_with("\\begin{tabular}{lrr}\n\\toprule\nobjective\\_x & reacher & walker \\\\\n\\midrule\n"),
             "{text}"
         );
+        let text = table.text("a{b}\\c", false, Style::Latex);
+        assert!(text.contains("\na\\{b\\}\\textbackslash{}c & "), "{text}");
         assert!(text.contains("\nvibes & \\textbf{900 $\\pm$ 25} & 700 $\\pm$ 2 \\\\\n"), "{text}");
     }
 

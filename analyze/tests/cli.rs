@@ -392,6 +392,10 @@ fn a_table_over_runs_and_results_is_written_in_every_form() {
             .contains("choose among method, return, seed, task")
     );
     assert!(bad(fixture.path(), &["table", "results.csv", "--where", "seed > 9"], 2).contains("no row is chosen"));
+    // Who has no number, because it diverged or is still at it, is not left out in silence.
+    std::fs::write(fixture.path().join("lacking.csv"), "method,return\na,1\na,2\nb,5\nb,nan\nb,\n").expect("results");
+    let (said, remarks) = good(fixture.path(), &["table", "lacking.csv", "-o", "out"]);
+    assert!((said + &remarks).contains("2 of 5 runs have no such number and are left out: 2 of b"), "{remarks}");
 }
 
 #[test]

@@ -6,6 +6,7 @@
 use std::path::{Component, Path, PathBuf};
 
 use serde_json::Value;
+use vibes_data::{followed, followed_place};
 use vibes_env::{PolicyMix, PolicySpec};
 
 /// The options of a recording in the folder `to`, made from those that are relative to `from`; without a `from`, from those that were typed.
@@ -37,30 +38,14 @@ pub(crate) fn policy_name(spec: &PolicySpec, folder: &Path) -> String {
 
 /// Where a path of a manifest in `folder` is; below the working directory it is said from there.
 fn found(folder: &Path, path: &Path) -> PathBuf {
-    let whole = plain(&real(folder).join(path));
+    let whole = plain(&followed(folder).join(path));
     let here = std::env::current_dir().and_then(std::fs::canonicalize);
     here.ok().and_then(|here| whole.strip_prefix(here).ok().map(Path::to_owned)).unwrap_or(whole)
 }
 
 /// The way from a folder to a path.
 fn relative(folder: &Path, path: &Path) -> PathBuf {
-    let (folder, path) = (real(folder), real(path));
-    let common = folder.components().zip(path.components()).take_while(|(one, other)| one == other).count();
-    let up = folder.components().skip(common).map(|_| Component::ParentDir);
-    let way: PathBuf = up.chain(path.components().skip(common)).collect();
-    if way.as_os_str().is_empty() { PathBuf::from(".") } else { way }
-}
-
-/// The absolute path without symbolic links, as far as it exists.
-fn real(path: &Path) -> PathBuf {
-    let whole = plain(&std::path::absolute(path).unwrap_or_else(|_| path.to_owned()));
-    for there in whole.ancestors() {
-        if let (Ok(found), Ok(rest)) = (there.canonicalize(), whole.strip_prefix(there)) {
-            // What does not exist has no links.
-            return if rest.as_os_str().is_empty() { found } else { found.join(rest) };
-        }
-    }
-    whole
+    followed_place(path, folder).into()
 }
 
 /// A path without `.` and `..`.

@@ -9,7 +9,7 @@ mod world;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use vibes_data::{Cell, Grid, MOST_ACTION_REPEAT};
+use vibes_data::{Cell, Grid, MOST_ACTION_REPEAT, MOST_EPISODES, MOST_STEPS};
 
 use crate::trained::{ActedBy, Home};
 use crate::{Error, Result};
@@ -20,11 +20,6 @@ pub use vibes_env::{ChosenSeeds, distractor_seed, state_seed};
 
 /// The key of the options under which a part says what it is a part of.
 pub(crate) const SUBSET: &str = "subset";
-
-/// Agent steps that an episode may have at most.
-pub const MOST_STEPS: u32 = 1_000_000;
-/// Episodes that a recording may have at most, whose files are numbered with six digits.
-const MOST_EPISODES: u32 = 1_000_000;
 
 /// Everything that decides what a recording holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

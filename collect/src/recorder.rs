@@ -110,7 +110,10 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
         // Before anything is on disk: a machine without EGL leaves no empty recording behind.
         check_drawing()?;
     }
-    let videos = options.video_library()?;
+    let videos = match (run.source.videos(), options.pictures()) {
+        (Some(names), Some(pictures)) => options.named_videos(&names, pictures)?,
+        _ => options.video_library()?,
+    };
     // What is drawn again was acted out by whoever its recording names, which need be no mix: an online run says `random`, and Python says `python`.
     let mix = run.source.acts().then(|| options.policy.parse::<PolicyMix>()).transpose()?;
     if let Some(mix) = &mix

@@ -6,10 +6,10 @@
 use std::path::Path;
 
 use serde_json::Value;
-use vibes_data::{EpisodeEntry, EpisodeInfo, EpisodeView, Recording, sha256_hex};
+use vibes_data::{EpisodeEntry, EpisodeInfo, EpisodeView, Manifest, Recording, sha256_hex};
 
 use crate::paths::rebase;
-use crate::plan::RecordOptions;
+use crate::plan::{RecordOptions, SUBSET};
 use crate::{Error, Result};
 use vibes_env::distractors::DistractorTrajectory;
 use vibes_env::{Environment, ModelOverrides, Start, StateTrajectory};
@@ -117,4 +117,15 @@ pub fn rotate(states: &mut StateTrajectory, environment: &mut Environment, degre
         states.qpos[row] = state.qpos;
     }
     Ok(())
+}
+
+/// How many episodes were asked for, where some are missing: it was stopped, and the same command goes on. A part of another recording is whole by itself.
+pub fn missing(recording: &Recording) -> String {
+    let Manifest { options, .. } = recording.manifest();
+    let wanted = options.get("episodes").and_then(Value::as_u64).unwrap_or(0);
+    let is_part = options.get(SUBSET).is_some();
+    if is_part || wanted <= recording.episodes().len() as u64 {
+        return String::new();
+    }
+    format!(" of {wanted} (stopped; the same command goes on)")
 }

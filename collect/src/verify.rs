@@ -11,7 +11,7 @@ use crate::Result;
 use crate::care::merge::{MergedPart, merged_parts};
 use crate::largest::{largest, largest_difference};
 use crate::plan::RecordOptions;
-use crate::stored::read_options;
+use crate::stored::{missing, read_options};
 use vibes_env::distractors::View;
 use vibes_env::render::{Renderer, picture_difference};
 use vibes_env::videos::VideoLibrary;
@@ -41,7 +41,8 @@ pub struct Verdict {
 
 impl Verdict {
     /// One line for people.
-    pub fn summary(&self, episodes: usize) -> String {
+    pub fn summary(&self, recording: &Recording) -> String {
+        let (episodes, missing) = (recording.episodes().len(), missing(recording));
         let foreign = match self.foreign {
             0 => String::new(),
             count => format!("; {count} episodes were recorded elsewhere and are not simulated"),
@@ -54,7 +55,7 @@ impl Verdict {
         let drawn = self.picture_error().map_or_else(String::new, |error| {
             format!("; {} pictures drawn again: largest mean error {error:.2} of 255", self.pictures)
         });
-        format!("{state}: {episodes} episodes, {} findings{simulated}{drawn}{foreign}", self.findings.len())
+        format!("{state}: {episodes} episodes{missing}, {} findings{simulated}{drawn}{foreign}", self.findings.len())
     }
 
     /// Largest difference of a position; none where nothing was simulated.
@@ -130,7 +131,7 @@ impl Simulators {
                 vec![Part { options, holds: Box::new(|_| true), names, videos: None }]
             }
             Some(parts) => {
-                // A place that the list does not have is of a video without a name, which there is not.
+                // A place that the list does not have is of a video without a name, which is refused.
                 let name =
                     |place: &u32| listed.get(*place as usize).map_or_else(String::new, |video| video.name.clone());
                 let part = |part: MergedPart| -> Result<Part> {

@@ -113,6 +113,7 @@ fn a_folder_of_films_holds_out_the_same_half_whatever_two_commands_ask_for() {
     write_videos(&folder.path().join("films"), &["f01", "f02", "f03", "f04"]);
     for name in ["train", "val", "all", "all-val"] {
         assert!(works(folder.path(), &format!("verify {name}")).starts_with("sound: 1 episodes, 0 findings"), "{name}");
+        works(folder.path(), &format!("render {name} --size 20 -o {name}-20"));
     }
 }
 
@@ -174,6 +175,14 @@ fn info_says_what_a_recording_holds() {
     }
     let manifest: serde_json::Value = serde_json::from_str(&works(folder.path(), "info r --json")).unwrap();
     assert_eq!(manifest["grid"]["distractors"], 2);
+    assert!(!text.contains("stopped"), "{text}");
+    // One that was stopped on the way says so, and is sound as far as it goes.
+    let place = folder.path().join("r/manifest.json");
+    let mut manifest: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&place).unwrap()).unwrap();
+    manifest["options"]["episodes"] = 5.into();
+    std::fs::write(&place, manifest.to_string()).unwrap();
+    let text = works(folder.path(), "info r") + &works(folder.path(), "verify r --no-simulation");
+    assert_eq!(text.matches("of 5 (stopped").count(), 2, "{text}");
 }
 
 #[test]

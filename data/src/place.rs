@@ -12,6 +12,23 @@ pub fn relative_place(target: &Path, folder: &Path) -> String {
     if place.as_os_str().is_empty() { ".".into() } else { place.to_string_lossy().into_owned() }
 }
 
+/// The same with symbolic links followed before `..` is counted, as the system follows the result: for what is opened by joining it to the folder.
+pub fn followed_place(target: &Path, folder: &Path) -> String {
+    relative_place(&followed(target), &followed(folder))
+}
+
+/// The absolute path without symbolic links, as far as it exists.
+pub fn followed(path: &Path) -> PathBuf {
+    let path = whole(path);
+    for there in path.ancestors() {
+        if let (Ok(found), Ok(rest)) = (there.canonicalize(), path.strip_prefix(there)) {
+            // What does not exist has no links.
+            return if rest.as_os_str().is_empty() { found } else { found.join(rest) };
+        }
+    }
+    path
+}
+
 /// What a file of `folder` names by `place`: relative to that folder, as typed, or below any folder above it; `is_it` says whether the thing
 /// is there.
 pub fn find_place(place: &str, folder: &Path, is_it: impl Fn(&Path) -> bool) -> Option<PathBuf> {

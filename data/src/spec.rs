@@ -67,6 +67,12 @@ impl ImageSize {
 /// Control steps an action may be held at most: the programs take no more, and a larger number in a file is a damaged or hostile one.
 pub const MOST_ACTION_REPEAT: u32 = 1000;
 
+/// Episodes that a recording may have at most: their files are numbered with six digits, from 0.
+pub const MOST_EPISODES: u32 = 999_999;
+
+/// Agent steps that an episode may have at most.
+pub const MOST_STEPS: u32 = 1_000_000;
+
 /// No size in a spec may pass this; a larger one is a damaged or hostile manifest.
 const LARGEST: usize = 1 << 20;
 

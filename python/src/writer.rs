@@ -9,7 +9,9 @@ use numpy::{Element, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::json;
-use vibes_data::{CameraPose, Episode, EpisodeInfo, Grid, Manifest, RecordingWriter, Spec, relative_place};
+use vibes_data::{
+    CameraPose, Episode, EpisodeInfo, Grid, MOST_EPISODES, Manifest, RecordingWriter, Spec, followed_place,
+};
 use vibes_env::Heading;
 use vibes_env::videos::VideoSource;
 
@@ -89,7 +91,7 @@ impl Writer {
         let keeper = self.shared()?;
         let (index, cell) = keeper.place(place.0, place.1).map_err(refused)?;
         let writer = keeper.writer;
-        if index > 999_999 || writer.has(index) {
+        if index > MOST_EPISODES || writer.has(index) {
             return Err(refused(format!(
                 "episode {index} is there already, or past 999999; take the next free number"
             )));
@@ -194,8 +196,8 @@ fn numbers<T: Element + Copy>(name: &str, array: Option<Bound<'_, PyAny>>, row: 
 /// A grid of at least one cell, whose cells can be numbered.
 fn cells((states, distractors): (u32, u32)) -> PyResult<Grid> {
     match states.checked_mul(distractors) {
-        Some(1..=1_000_000) => Ok(Grid { states, distractors }),
-        _ => Err(refused(format!("a grid of {states} x {distractors}; it has 1 to 1000000 cells"))),
+        Some(1..=MOST_EPISODES) => Ok(Grid { states, distractors }),
+        _ => Err(refused(format!("a grid of {states} x {distractors}; it has 1 to {MOST_EPISODES} cells"))),
     }
 }
 
@@ -204,7 +206,7 @@ fn cells((states, distractors): (u32, u32)) -> PyResult<Grid> {
 fn world_manifest(world: &World, seed: u64, grid: Option<Grid>, folder: &Path) -> Manifest {
     let options = world.options();
     let stored = match &options.videos {
-        VideoSource::Folder(videos) => VideoSource::Folder(relative_place(videos, folder).into()),
+        VideoSource::Folder(videos) => VideoSource::Folder(followed_place(videos, folder).into()),
         VideoSource::Procedural => VideoSource::Procedural,
     };
     let mut asked = json!({

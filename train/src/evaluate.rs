@@ -2,13 +2,13 @@
 //! on where they are at hand. Out: the numbers of `vibes-measure` under their names, each beside what past actions alone would give: on a grid every cell of a
 //! row shares its actions, so an encoder that sees only those already scores well.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 use burn::tensor::Device;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
-use vibes_data::{Recording, is_same_place};
+use vibes_data::{EpisodeEntry, Recording, is_same_place};
 use vibes_measure::episodes::PROBE_EPISODES;
 use vibes_measure::invariance::{Dropped, Grid};
 use vibes_measure::numbers::{GridOptions, Numbers, grid_numbers, probe_numbers};
@@ -113,9 +113,24 @@ pub fn check_grid(encoder: TrainedEncoder<'_>, grid: &Recording) -> Result<()> {
     check_rows(&Rows::of(std::slice::from_ref(grid), usize::MAX)?, grid)
 }
 
-/// Whether a grid is none of the recordings that something is fitted on, under whatever path. Other views of its states may be among them: what those share is for the reader to weigh.
+/// Whether a grid is new beside the recordings that something is fitted on: none of them under whatever path, and no episode of theirs in a copy. Other views of its states may be among
+/// them: [`shared_starts`] counts those.
 pub fn is_held_out(grid: &Recording, training: &[Recording]) -> bool {
-    !training.iter().any(|recording| is_same_place(recording.path(), grid.path()))
+    let files: HashSet<&str> = grid.episodes().iter().map(|entry| entry.arrow.sha256.as_str()).collect();
+    let is_of_the_grid = |entry: &EpisodeEntry| files.contains(entry.arrow.sha256.as_str());
+    !training.iter().any(|recording| {
+        is_same_place(recording.path(), grid.path()) || recording.episodes().iter().any(is_of_the_grid)
+    })
+}
+
+/// State trajectories of a grid that begin where an episode of these recordings began, by the seed that both were simulated with, and how many it has. Policies that draw nothing live
+/// through the same states from there.
+pub fn shared_starts(grid: &Recording, training: &[Recording]) -> (usize, usize) {
+    let task = |recording: &Recording| recording.manifest().spec.task.clone();
+    let alike = training.iter().filter(|recording| task(recording) == task(grid));
+    let seeds: HashSet<u64> = alike.flat_map(|recording| recording.episodes()).map(|entry| entry.seed).collect();
+    let own: HashSet<u64> = grid.episodes().iter().map(|entry| entry.seed).collect();
+    (own.intersection(&seeds).count(), own.len())
 }
 
 /// That a recording's rows are those of a grid.

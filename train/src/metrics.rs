@@ -25,7 +25,7 @@ pub struct Row {
     pub dynamics_log_likelihood: f64,
     /// Rewards.
     pub reward_log_likelihood: f64,
-    /// Share of the dynamics term's gradient that reached the encoder; 0 for objectives whose dynamics move no latents.
+    /// Share of the dynamics term's gradient that reached the encoder; 0 for objectives that do not weigh their dynamics.
     pub dynamics_weight: f64,
     /// Norm of the world model's gradient before it was limited.
     pub gradient_norm: f64,

@@ -214,9 +214,10 @@ impl Options {
     }
 
     /// The first option in which a run's options and the asked ones differ, as (name, in the run, asked). How long to train and how often to save may
-    /// change from one call to the next. An option that was declared after the run was begun had its default there.
+    /// change from one call to the next, and what nothing of the run looks at. An option that was declared after the run was begun had its default there.
     pub fn first_difference(&self, asked: &Self) -> Option<(String, String, String)> {
-        let free = ["updates", "minutes", "checkpoint_every", "keep"];
+        let mut free = vec!["updates", "minutes", "checkpoint_every", "keep"];
+        free.extend(self.unread());
         let mut mine = Table::try_from(Own::defaults(declared())).ok()?;
         mine.extend(Table::try_from(self).ok()?);
         let theirs = Table::try_from(asked).ok()?;

@@ -257,12 +257,23 @@ impl Run {
     ///
     /// # Errors
     /// Nothing was saved yet, or a file is damaged.
-    pub fn carry_over(&self, options: &Options, wanted: &ModelConfig, device: &Device) -> Result<(Learner, State)> {
+    pub fn carry_over(
+        &self,
+        options: &Options,
+        wanted: &ModelConfig,
+        rewards: Option<&[f32]>,
+        device: &Device,
+    ) -> Result<(Learner, State)> {
         let heads = Heads { before: &self.info.model.heads, after: &wanted.heads };
         let made = self.checkpoints().last().copied().unwrap_or(0);
         let carried = checkpoints::newest(&self.folder, |folder| {
             let (weights, _) = load_tensors(&folder.join("model.safetensors"))?;
-            let model = heads.carry(wanted.clone(), weights, &mut ChaCha8Rng::seed_from_u64(options.seed), device)?;
+            let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+            let mut model = heads.carry(wanted.clone(), weights, &mut rng, device)?;
+            if let Some(rewards) = rewards {
+                // Before the learner is made, which makes all weights ready to be learned.
+                model.world = options.objective.calibrated(model.world, rewards);
+            }
             let mut learner = Learner::new(model, options, device);
             if !folder.join("state.json").exists() {
                 let gate = Gate { gain: 0.0, opened: Some(0) };
@@ -323,9 +334,8 @@ fn restore_moments(learner: &mut Learner, folder: &Path, state: State, device: &
 
 fn restore(learner: &mut Learner, moments: &HostTensors, state: State, file: &Path, device: &Device) -> Result<()> {
     check_moments(moments, &read_parameters(&learner.model.world, "world"), file)?;
-    learner.optimizer.restore("world", moments, state.optimizer_steps, device);
-    learner.adversary_optimizer.restore("adversary", moments, state.adversary_optimizer_steps, device);
-    Ok(())
+    learner.optimizer.restore("world", (moments, file), state.optimizer_steps, device)?;
+    learner.adversary_optimizer.restore("adversary", (moments, file), state.adversary_optimizer_steps, device)
 }
 
 /// That Adam's moments are of these parameters: of others they would move some of the weights and leave the rest.

@@ -160,13 +160,11 @@ pub fn first_learner(
 ) -> Result<(Learner, State)> {
     let options = &run.info().options;
     if let Some(from) = run.open_from()? {
-        let (mut learner, state) = from.carry_over(options, &run.info().model, device)?;
         let own = options.objective.networks(options, run.info().model.actions()).heads;
-        if options.calibrate && own.iter().any(|head| !from.info().model.heads.contains(head)) {
-            // What the objective asks for and the run before had not: it begins as in a new run.
-            learner.model.world = options.objective.calibrated(learner.model.world, &windows()?.rewards);
-        }
-        return Ok((learner, state));
+        let is_new = own.iter().any(|head| !from.info().model.heads.contains(head));
+        // What the objective asks for and the run before had not begins as in a new run.
+        let rewards = (options.calibrate && is_new).then(|| Ok::<_, TrainError>(windows()?.rewards)).transpose()?;
+        return from.carry_over(options, &run.info().model, rewards.as_deref(), device);
     }
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut model = Model::init(run.info().model.clone(), &mut rng, device)?;

@@ -103,10 +103,14 @@ fn returns(page: &mut String, evaluations: &[Json]) {
     if evaluations.is_empty() {
         return;
     }
-    push(
-        page,
-        "\n## Mean return [95 % interval]\n\n| control steps | episodes of each set | held-out videos | training videos |\n|---|---|---|---|",
-    );
+    // Where nobody sees a video, both sets are the same episodes.
+    let are_seen = evaluations.iter().any(|line| line["held_out"] != line["training_videos"]);
+    let (columns, rule) = if are_seen {
+        ("episodes of each set | held-out videos | training videos", "---|---|---|---|")
+    } else {
+        ("episodes | return", "---|---|---|")
+    };
+    push(page, &format!("\n## Mean return [95 % interval]\n\n| control steps | {columns} |\n|{rule}"));
     for index in shown(evaluations.len()) {
         let line = &evaluations[index];
         let cell = |set: &str| {
@@ -118,7 +122,8 @@ fn returns(page: &mut String, evaluations: &[Json]) {
                 _ => format!("{mean:.1}"),
             }
         };
-        let cells = ["held_out", "training_videos"].map(cell);
+        let sets: &[&str] = if are_seen { &["held_out", "training_videos"] } else { &["held_out"] };
+        let cells: Vec<String> = sets.iter().map(|set| cell(set)).collect();
         let episodes =
             line["held_out"]["returns"].as_array().map_or("–".to_owned(), |returns| returns.len().to_string());
         // The last evaluation of a run, or of one that went on later, has starts of its own.

@@ -6,7 +6,7 @@ mod synthetic;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use vibes_data::Latents;
+use vibes_data::{Latents, Recording};
 
 fn vibes_train(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_vibes-train")).current_dir(folder).args(arguments).output().unwrap()
@@ -375,9 +375,24 @@ fn evaluate_on_a_grid_while_training_and_after() {
     let output = vibes_train(folder.path(), &known);
     assert_done(&output);
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert!(found["is_held_out"] == false && errors(&output).contains("itself among"), "{}", errors(&output));
+    assert!(
+        found["is_held_out"] == false && errors(&output).contains("is among the recordings"),
+        "{}",
+        errors(&output)
+    );
+    // So is one of which a copy lies elsewhere.
+    let copy = folder.path().join("copy");
+    std::fs::create_dir_all(copy.join("episodes")).unwrap();
+    for entry in Recording::open(&folder.path().join("grid")).unwrap().episodes() {
+        std::fs::copy(folder.path().join("grid").join(&entry.arrow.path), copy.join(&entry.arrow.path)).unwrap();
+    }
+    std::fs::copy(folder.path().join("grid/manifest.json"), copy.join("manifest.json")).unwrap();
+    let known = ["evaluate", "run", "grid", "--fit-on", "copy", "--gap-updates", "0", "--json"];
+    let output = vibes_train(folder.path(), &known);
+    assert_done(&output);
+    assert!(errors(&output).contains("is among the recordings"), "{}", errors(&output));
     let trained = ["offline", "grid", "--eval", "./grid", "--preset", "tiny", "--updates", "1", "-o", "known"];
-    assert!(errors(&vibes_train(folder.path(), &trained)).contains("itself among"));
+    assert!(errors(&vibes_train(folder.path(), &trained)).contains("is among the recordings"));
     // A recording that is no grid cannot be evaluated on.
     synthetic::recording(&folder.path().join("plain"), synthetic::SIDE, 3, 40, false);
     let output = vibes_train(folder.path(), &["evaluate", "run", "plain"]);

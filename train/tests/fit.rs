@@ -9,7 +9,7 @@ use std::path::Path;
 use burn::tensor::Device;
 use toml::Table;
 use vibes_data::{Recording, relative_place};
-use vibes_model::checkpoint::load_tensors;
+use vibes_model::checkpoint::{load_tensors, save_tensors};
 use vibes_train::TrainError;
 use vibes_train::fit::{End, Event, Go, fit};
 use vibes_train::learners::objective::Objective;
@@ -297,6 +297,33 @@ fn a_run_that_begins_to_wait_begins_with_a_closed_gate() {
     };
     let (gone_on, new) = (baseline("third", Some(&first)), baseline("new", None));
     assert!(gone_on.iter().zip(&new).all(|(a, b)| (a - b).abs() < 1e-5), "{gone_on:?} {new:?}");
+    // It learns like everything else, and one that was stopped on the way becomes the undisturbed one.
+    let go_on = |name: &str, updates: u64| {
+        let mut asked = waiting.clone();
+        asked.settings.updates = updates;
+        let run = prepare(&folder.path().join(name), &recordings, &asked, Some(&first)).unwrap();
+        fit(&run, &recordings, &Device::flex(), None, &mut |_| Go::On).unwrap();
+        let file =
+            |file: &str| fs::read(run.path().join("checkpoints").join(format!("{updates:06}")).join(file)).unwrap();
+        (file("model.safetensors"), file("optimizer.safetensors"))
+    };
+    let (begun, undisturbed) = (go_on("stopped", 1), go_on("undisturbed", 3));
+    assert!(go_on("stopped", 3) == undisturbed && begun != undisturbed);
+    let place = folder.path().join("undisturbed/checkpoints/000003/optimizer.safetensors");
+    let (mut moments, more) = load_tensors(&place).unwrap();
+    let learned = |name: &str| moments[name].values.iter().any(|moment| *moment != 0.0);
+    assert!(learned("world.first.heads.0.mlp.last.weight") && learned("world.first.heads.0.mlp.first.weight"));
+    // A file that says otherwise than can be is damaged.
+    moments.get_mut("world.begun.heads.0.mlp.last.weight").unwrap().values[0] = 1e9;
+    save_tensors(&place, &moments, more).unwrap();
+    let run = prepare(
+        &folder.path().join("undisturbed"),
+        &recordings,
+        &options("objective = 'no-adversary'\nwait = 'yes'\nupdates = 4\ndynamics_after = 0.25"),
+        None,
+    );
+    let error = run.unwrap().resume(&Device::flex()).unwrap_err().to_string();
+    assert!(error.contains("began to be learned after 1000000000"), "{error}");
 }
 
 /// A term may be added, or left out, on the way: its head begins anew and everything else goes on.

@@ -108,6 +108,7 @@ fn a_run_counts_in_both_units_and_leaves_a_sound_recording() {
     assert_eq!(lines(&folder.join("metrics.jsonl")).last().unwrap()["update"], 20 + 8 * 85 / 4);
     let page = std::fs::read_to_string(folder.join("summary.md")).unwrap();
     assert!(page.contains("* no recordings: its own") && page.contains("## After 190 updates, 960 control"), "{page}");
+    assert!(page.contains("| control steps | episodes | return |"), "nobody sees a video: {page}");
     // The same command has nothing left to do.
     let again = run(&folder, &WHOLE);
     assert!(again.status.success() && text(&again).contains("already"), "{}", text(&again));

@@ -192,8 +192,8 @@ fn draw(session: &Session, rows: &[Row], agreement: &[f64]) -> Bars {
     let mut groups = vec![
         group("variance the state explains", "state_share"),
         group("variance the distractor explains", "distractor_share"),
-        group("same state found among all cells of the step (retrieval_same_step@1)", "retrieval_same_step@1"),
-        group("same state found under another distractor (retrieval_any_step@1)", "retrieval_any_step@1"),
+        group("retrieval_same_step@1: same state, among all cells of the step", "retrieval_same_step@1"),
+        group("retrieval_any_step@1: same state, under another distractor", "retrieval_any_step@1"),
     ];
     groups.retain(|g| !g.bars.is_empty());
     let bar = |(r, &value): (&Row, &f64)| Bar { label: r.name.clone(), value, interval: None, chance: None };

@@ -72,7 +72,7 @@ pub(super) fn run(options: &Options, _globals: &Globals) -> anyhow::Result<Outco
         })
     });
     let document = output::document(
-        &json!({ "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "decode", "note": options.note }),
+        &json!({ "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "decode", "strips": options.strips, "note": options.note }),
         &json!({ "runs": runs.collect::<Vec<_>>() }),
     )?;
     let path = out.join("decoded.json");

@@ -1,5 +1,6 @@
 //! `table`: numbers of many runs in the form of the paper's Table 1.
 
+use std::collections::BTreeMap;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 
@@ -53,7 +54,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let results = Results::open(&options.runs)?;
     let metrics = metrics(options, &results)?;
     let by = if options.by.is_empty() { vec![usual_key(&results)] } else { options.by.clone() };
-    let Read { scores, across, rows } = scores(options, &results, rows.as_ref(), &metrics, &by)?;
+    let Read { scores, across, rows, without } = scores(options, &results, rows.as_ref(), &metrics, &by)?;
     let table = score_table(&scores);
     let corner = by.join(", ");
     let averages = across.is_some() && metrics.len() == 1;
@@ -71,6 +72,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let document = output::document(
         &json!({
             "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "table", "by": by, "where": options.rows,
+            "metrics": metrics.iter().map(|metric| &metric.name).collect::<Vec<_>>(), "columns": options.columns, "lower": options.lower,
             "runs": options.runs.iter().map(|run| vibes_data::relative_place(run, &out)).collect::<Vec<_>>(), "note": options.note,
         }),
         &table,
@@ -79,6 +81,14 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     output::write_json(&path, &document)?;
     files.push(path);
     let mut remarks = Vec::new();
+    if !without.is_empty() {
+        let lack: Vec<String> = without.iter().map(|(method, count)| format!("{count} of {method}")).collect();
+        remarks.push(format!(
+            "{} of {rows} runs have no such number and are left out: {}",
+            without.values().sum::<usize>(),
+            lack.join(", ")
+        ));
+    }
     if table.methods.len() > DRAWN {
         remarks.push(format!(
             "no figure of {} rows is drawn (at most {DRAWN}); all are in the other files",
@@ -136,6 +146,8 @@ struct Read {
     across: Option<String>,
     /// The runs that were chosen.
     rows: usize,
+    /// How many of them have none of the numbers, by their row of the table.
+    without: BTreeMap<String, usize>,
 }
 
 /// Reads the runs' numbers.
@@ -162,11 +174,14 @@ fn scores(
     keys.extend(across.clone());
     let names: Vec<String> = metrics.iter().map(|metric| metric.name.clone()).collect();
     let found = results.read_with(&keys, &names, rows)?;
-    let (mut all, rows) = (Vec::new(), found.len());
+    let (mut all, mut without, rows) = (Vec::new(), BTreeMap::new(), found.len());
     for row in found {
         let method = row[..by.len()].iter().map(Cell::text).collect::<Vec<_>>().join(", ");
         let column = across.is_some().then(|| row[by.len()].text());
         let numbers = &row[by.len() + usize::from(column.is_some())..];
+        if numbers.iter().all(|cell| cell.number().is_none()) {
+            *without.entry(method.clone()).or_default() += 1;
+        }
         for (metric, cell) in metrics.iter().zip(numbers) {
             let Some(score) = cell.number() else { continue };
             let task = match (&column, metrics.len()) {
@@ -182,7 +197,7 @@ fn scores(
         let names: Vec<&str> = metrics.iter().map(|metric| metric.name.as_str()).collect();
         return Err(wrong(format!("no run has a number for {}", names.join(", "))));
     }
-    Ok(Read { scores: all, across, rows })
+    Ok(Read { scores: all, across, rows, without })
 }
 
 /// The folder of figures of a run, or of the folder that a table lies in.

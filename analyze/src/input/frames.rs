@@ -43,9 +43,12 @@ impl Frames {
             }
             let cell = view.cell().map(|c| (c.state, c.distractor));
             let claimed = latents.state[row].zip(latents.distractor[row]);
-            if claimed.is_some() && claimed != cell {
+            if let Some((state, distractor)) = claimed.filter(|_| claimed != cell) {
+                let lies = cell.map_or("lies in no cell of a grid".to_owned(), |(state, distractor)| {
+                    format!("lies in cell {state}, {distractor} of its grid")
+                });
                 return Err(other(format!(
-                    "episode {episode} lies in cell {cell:?} of its grid, the latents say {claimed:?}"
+                    "episode {episode} {lies}, the latents say {state}, {distractor}: where the grid has grown since, encode it again"
                 )));
             }
             let earned = (step < view.steps() as u32).then(|| view.reward(step as usize));

@@ -11,8 +11,8 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use vibes_data::{
-    BackgroundFrame, Cell, EpisodeEntry, Error as DataError, FileTransfer, Grid, Manifest, Recording, RecordingWriter,
-    Video,
+    BackgroundFrame, Cell, EpisodeEntry, Error as DataError, FileTransfer, Grid, MOST_EPISODES, Manifest, Recording,
+    RecordingWriter, Video,
 };
 
 use super::NewFolder;
@@ -193,7 +193,7 @@ fn merged_header(parts: &[Recording], out: &Path) -> Result<(Manifest, Vec<Vec<u
         let map: Vec<u32> = manifest.videos.iter().map(|video| place_of(&mut videos, video)).collect();
         let count = u32::try_from(part.episodes().len()).unwrap_or(u32::MAX);
         notes.extend(notes_of(part, out, &map, first));
-        first = first.checked_add(count).filter(|&all| all < 1_000_000).ok_or_else(|| Error::Selection {
+        first = first.checked_add(count).filter(|&all| all <= MOST_EPISODES).ok_or_else(|| Error::Selection {
             fact: "more than a million episodes".into(),
             expected: "numbers of six digits".into(),
         })?;

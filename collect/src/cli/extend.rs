@@ -19,7 +19,7 @@ pub(super) struct ExtendArgs {
     #[arg(long, value_parser = parse_grid, conflicts_with = "episodes", required_unless_present = "episodes")]
     grid: Option<Grid>,
     /// Episodes a recording without a grid is to have.
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=999_999))]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(vibes_data::MOST_EPISODES)))]
     episodes: Option<u32>,
     /// Worker threads, each with a render context; at most one per core, the default.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]

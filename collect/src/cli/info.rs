@@ -8,6 +8,7 @@ use clap::Args;
 use vibes_data::{EpisodeEntry, Manifest, Recording, Video};
 
 use super::{Outcome, OutputArgs, idle, show};
+use crate::stored::missing;
 
 #[derive(Debug, Args)]
 pub(super) struct InfoArgs {
@@ -53,8 +54,9 @@ fn describe(recording: &Recording) -> String {
         (
             "episodes",
             format!(
-                "{}, {} steps, {} rows, {}",
+                "{}{}, {} steps, {} rows, {}",
                 episodes.len(),
+                missing(recording),
                 steps,
                 steps + episodes.len() as u64,
                 show::bytes(size)

@@ -8,11 +8,11 @@ use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
 use vibes_command::{Given, stop_on_signals};
-use vibes_data::{Grid, MOST_ACTION_REPEAT, Recording};
+use vibes_data::{Grid, MOST_ACTION_REPEAT, MOST_EPISODES, MOST_STEPS, Recording};
 
 use super::axis_seeds::AxisSeedArgs;
 use super::{Outcome, OutputArgs, idle, show};
-use crate::plan::{MOST_STEPS, RecordOptions};
+use crate::plan::RecordOptions;
 use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, cores, record};
 use crate::returns::Returns;
 use crate::trained::{Home, acted_by, as_named, home};
@@ -39,7 +39,7 @@ pub(super) struct RecordArgs {
     #[arg(long, value_parser = parse_grid, conflicts_with = "episodes")]
     grid: Option<Grid>,
     /// Independent episodes, each with its own distractors [default: 10].
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=999_999))]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EPISODES)))]
     episodes: Option<u32>,
     /// Behaviour: random, random:hold=STEPS, planner, planner:noise=SIGMA, actions:FILE, or the folder of a trained run.
     #[arg(long, default_value = "random", conflicts_with = "mix")]
@@ -109,7 +109,9 @@ pub(super) fn parse_grid(text: &str) -> std::result::Result<Grid, String> {
     let count = |part: &str| part.trim().parse::<u32>().ok().filter(|count| (1..=10_000).contains(count));
     match parts.as_slice() {
         [states, distractors] => match (count(states), count(distractors)) {
-            (Some(states), Some(distractors)) if states * distractors < 1_000_000 => Ok(Grid { states, distractors }),
+            (Some(states), Some(distractors)) if states * distractors <= MOST_EPISODES => {
+                Ok(Grid { states, distractors })
+            }
             _ => Err("a grid has 1 to 10000 rows and columns, and fewer than a million cells".into()),
         },
         _ => Err("a grid is states x distractors, as in 10x10".into()),

@@ -37,7 +37,7 @@ pub(super) fn run(args: &VerifyArgs, output: OutputArgs) -> Result<Outcome> {
             println!("{}: {}", finding.path.display(), finding.fault);
         }
         if !output.quiet {
-            println!("{}", verdict.summary(recording.episodes().len()));
+            println!("{}", verdict.summary(&recording));
         }
     }
     Ok(if verdict.findings.is_empty() { Outcome::Done } else { Outcome::DataLost })

@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use vibes_data::{Manifest, Video};
 use vibes_env::render::RenderSettings;
-use vibes_env::videos::VideoLibrary;
+use vibes_env::videos::{MOST_VIDEOS, VideoLibrary};
 use vibes_env::{Environment, EnvironmentOptions, Heading};
 
 use super::RecordOptions;
-use crate::Result;
 use crate::paths::rebase;
+use crate::{Error, Result};
 
 impl RecordOptions {
     /// The environment's own options.
@@ -50,6 +50,15 @@ impl RecordOptions {
     pub fn named_videos(&self, names: &[String], pictures: RenderSettings) -> Result<Arc<VideoLibrary>> {
         if !self.distractors.axes.background {
             return Ok(Arc::new(VideoLibrary::none()));
+        }
+        // A damaged manifest may name anything.
+        let wanted = names.len();
+        if wanted > usize::from(MOST_VIDEOS) {
+            return Err(vibes_env::Error::TooManyVideos { wanted, most: MOST_VIDEOS }.into());
+        }
+        if let Some(name) = names.iter().find(|name| name.is_empty() || name.contains(['/', '\\'])) {
+            let fact = format!("a background video is named {name:?}");
+            return Err(Error::malformed("manifest.json", fact, "the name of one of the folder's videos"));
         }
         let side = pictures.look.sky_side(pictures.size);
         Ok(Arc::new(VideoLibrary::open(&self.videos, self.video_set, names, side)?))

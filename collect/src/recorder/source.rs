@@ -63,6 +63,16 @@ impl<'a> Source<'a> {
         PlannedEpisode { index, cell, state: if is_redrawn { index } else { state }, distractor }
     }
 
+    /// The names of the videos that its stored distractors play, where these stay: as its manifest has them, whatever else their folder holds by now.
+    pub(super) fn videos(self) -> Option<Vec<String>> {
+        match self {
+            Self::Episodes(recording) => {
+                Some(recording.manifest().videos.iter().map(|video| video.name.clone()).collect())
+            }
+            _ => None,
+        }
+    }
+
     /// Stored distractors name videos by their place in the list, so the list must be the same.
     ///
     /// # Errors

@@ -42,6 +42,10 @@ pub(crate) fn run(context: &Context, args: &EncodeArgs) -> Result<()> {
     let bar =
         if context.quiet || !std::io::stderr().is_terminal() { ProgressBar::hidden() } else { ProgressBar::new(rows) };
     let encoder = trained.encoder();
+    let task = &recording.manifest().spec.task;
+    if task != encoder.task() && !context.quiet {
+        eprintln!("note: the run was trained on {}; this is a recording of {task}", encoder.task());
+    }
     encode_recording(encoder, &checkpoint, &recording, &output, &device, &mut |done| bar.set_position(done))?;
     bar.finish_and_clear();
     report(context, rows, encoder.latent(), &checkpoint, &output);

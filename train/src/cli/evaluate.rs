@@ -14,6 +14,7 @@ use vibes_model::trained::Trained;
 use vibes_train::TrainError;
 use vibes_train::evaluate::{
     EvaluateOptions, GapOptions, Gaps, GridSize, Likelihoods, Report, check_gaps, evaluate, gaps, is_held_out,
+    shared_starts,
 };
 use vibes_train::trained::TrainedRun;
 
@@ -150,7 +151,13 @@ pub(crate) fn tell_held_out(context: &Context, grid: &Recording, fitted: &[Recor
     if !is_new && !context.quiet {
         let place = grid.path().display();
         eprintln!(
-            "the grid is itself among the recordings that are fitted on, so that its numbers say nothing of new episodes: {place}"
+            "the grid itself, or an episode of it, is among the recordings that are fitted on, so that its numbers say nothing of new episodes: {place}"
+        );
+    }
+    let (shared, all) = shared_starts(grid, fitted);
+    if is_new && shared > 0 && !context.quiet {
+        eprintln!(
+            "note: {shared} of the grid's {all} state trajectories begin where an episode that is fitted on began (the same seed); record it with another --seed for new states"
         );
     }
     is_new
@@ -196,12 +203,18 @@ fn print_probes(report: &Report, fitting: Fitting) {
         let quantity = name.rsplit_once('/').map_or(name.as_str(), |(quantity, _)| quantity);
         print_number(&format!("{}: {name}", report.quantities.get(quantity).unwrap_or(&"")), number);
     }
-    if !colors.is_empty() {
+    // Of each vector by itself, as everywhere else.
+    let vector = |name: &str| name.rsplit_once('/').map_or(String::new(), |(_, vector)| vector.to_owned());
+    let mut vectors: Vec<String> = colors.iter().map(|(name, _)| vector(name)).collect();
+    vectors.sort();
+    vectors.dedup();
+    for of in vectors {
+        let colors: Vec<_> = colors.iter().filter(|(name, _)| vector(name) == of).collect();
         let mean = |of: &dyn Fn(&Number) -> f64| {
             colors.iter().map(|(_, number)| of(number)).sum::<f64>() / colors.len() as f64
         };
         let actions = |number: &Number| number.past_actions.map_or(f64::NAN, |actions| actions.estimate);
-        let name = format!("distractor: colours, mean of {}", colors.len());
+        let name = format!("distractor: colours, mean of {}/{of}", colors.len());
         println!(
             "{name:<52} {:>24.3} {:>13.3} {:>7.3}",
             mean(&|n| n.value.estimate),

@@ -45,13 +45,14 @@ pub fn load(
     optimizers: &mut [(&'static str, &mut Optimizer)],
     device: &Device,
 ) -> Result<()> {
-    let (moments, _) = load_tensors(&folder.join(files.moments))?;
+    let place = folder.join(files.moments);
+    let (moments, _) = load_tensors(&place)?;
     let file = folder.join(files.steps);
     let text = std::fs::read_to_string(&file).map_err(io("read", &file))?;
     let steps: BTreeMap<String, u64> = serde_json::from_str(&text)
         .map_err(|error| malformed(&file, error, "Adam's steps of each group of parameters"))?;
     for (name, optimizer) in optimizers {
-        optimizer.restore(name, &moments, steps.get(*name).copied().unwrap_or(0), device);
+        optimizer.restore(name, (&moments, &place), steps.get(*name).copied().unwrap_or(0), device)?;
     }
     Ok(())
 }

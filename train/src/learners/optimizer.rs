@@ -2,11 +2,14 @@
 //! can be saved and read like weights.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Device, Gradients, Tensor, TensorData};
 use vibes_model::kernels::{Adam, Moments};
 use vibes_model::parameters::{HostTensor, HostTensors, to_values};
+
+use crate::error::{Result, malformed};
 
 /// Adam's state for one module.
 #[derive(Debug, Clone)]
@@ -81,8 +84,17 @@ impl Optimizer {
         tensors
     }
 
-    /// The state that [`Optimizer::to_tensors`] saved after `steps` steps.
-    pub fn restore(&mut self, prefix: &str, tensors: &HostTensors, steps: u64, device: &Device) {
+    /// The state that [`Optimizer::to_tensors`] saved after `steps` steps, from the tensors of this file.
+    ///
+    /// # Errors
+    /// [`TrainError::Malformed`]: a parameter's first step is none of those.
+    pub fn restore(
+        &mut self,
+        prefix: &str,
+        (tensors, file): (&HostTensors, &Path),
+        steps: u64,
+        device: &Device,
+    ) -> Result<()> {
         let (first, second) = (format!("{prefix}.first."), format!("{prefix}.second."));
         let load = |tensor: &HostTensor| {
             Tensor::<1>::from_data(TensorData::new(tensor.values.clone(), [tensor.values.len()]), device)
@@ -92,11 +104,20 @@ impl Optimizer {
         let moments =
             pairs.map(|(name, first, second)| (name.to_owned(), Moments { first: load(first), second: load(second) }));
         self.moments = moments.collect();
+        self.begun.clear();
         let begun = format!("{prefix}.begun.");
         let begun =
             tensors.iter().filter_map(|(name, tensor)| Some((name.strip_prefix(&begun)?, tensor.values.first()?)));
-        self.begun = begun.map(|(name, begun)| (name.to_owned(), *begun as u64)).collect();
+        for (name, &begun) in begun {
+            // A step that was made leaves moments behind, and comes after those before it.
+            if begun.fract() != 0.0 || begun < 0.0 || begun as u64 >= steps || !self.moments.contains_key(name) {
+                let fact = format!("{name} began to be learned after {begun} of {steps} steps");
+                return Err(malformed(file, fact, "the moments that were saved with this checkpoint's weights"));
+            }
+            self.begun.insert(name.to_owned(), begun as u64);
+        }
         self.steps = steps;
+        Ok(())
     }
 }
 

@@ -126,7 +126,7 @@ impl Learner {
         drop(scene);
         let mut measures = Measures {
             latent_means: to_values(means),
-            // Where the dynamics move no latents, nothing of their gradient reaches the encoder.
+            // Other objectives do not weigh their dynamics.
             dynamics_weight: if objective.dynamics_shape_latents() { schedule.dynamics_weight } else { 0.0 },
             reached: Some(reached),
             phases,

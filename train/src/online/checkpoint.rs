@@ -118,11 +118,12 @@ fn take_up(
     let behaviour = Behaviour::load(&folder.join(BEHAVIOUR), &run.info().model, device)?;
     let guard = is_guarded.then(|| Guard::load(&folder.join(GUARD), &run.info().model, device)).transpose()?;
     let mut behaviour = BehaviourLearner::new(behaviour, device).guarded(guard);
-    let (moments, _) = load_tensors(&folder.join(MOMENTS))?;
-    behaviour.actor_optimizer.restore("actor", &moments, online.actor_steps, device);
-    behaviour.critic_optimizer.restore("critic", &moments, online.critic_steps, device);
+    let place = folder.join(MOMENTS);
+    let (moments, _) = load_tensors(&place)?;
+    behaviour.actor_optimizer.restore("actor", (&moments, &place), online.actor_steps, device)?;
+    behaviour.critic_optimizer.restore("critic", (&moments, &place), online.critic_steps, device)?;
     if let Some(guard) = &mut behaviour.guard {
-        guard.optimizer.restore("guard", &moments, online.guard_steps, device);
+        guard.optimizer.restore("guard", (&moments, &place), online.guard_steps, device)?;
     }
     behaviour.scale = online.scale;
     Ok(Resumed { learner, behaviour, world, online })

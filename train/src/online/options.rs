@@ -73,6 +73,9 @@ pub struct OnlineOptions {
     pub final_episodes: u32,
     /// Whether the actor's mode is evaluated rather than a sample.
     pub evaluate_mode: bool,
+    /// The held-out videos of a folder, as they were when the run began: its returns are of these to the end. None of built-in videos, which do not change.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub held_out_videos: Option<Vec<String>>,
 }
 
 impl OnlineOptions {
@@ -97,12 +100,25 @@ impl OnlineOptions {
     /// # Errors
     /// The run was begun with others.
     pub fn check_found(&self, run: &Path) -> Result<()> {
-        if let Some(found) = Self::read(run)?
-            && let Some((key, found, asked)) = found.stored(run).first_difference(&self.stored(run))
-        {
+        let Some(found) = Self::read(run)? else { return Ok(()) };
+        if let Some((key, found, asked)) = found.stored(run).first_difference(&self.stored(run)) {
             return Err(TrainError::OtherRun { key: flag(&key), found, asked, path: run.to_owned() });
         }
-        Ok(())
+        self.check_held_out(&found, run)
+    }
+
+    /// That the folder of videos still holds out what it did when the run began, where the run says it.
+    ///
+    /// # Errors
+    /// It holds out others, by which returns could not be compared with those before.
+    pub fn check_held_out(&self, found: &Self, run: &Path) -> Result<()> {
+        match (&found.held_out_videos, self.world.held_out_videos()) {
+            (Some(before), Some(now)) if *before != now => {
+                let key = "held-out videos of the folder".to_owned();
+                Err(TrainError::OtherRun { key, found: before.join(", "), asked: now.join(", "), path: run.to_owned() })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Writes them, or checks that a run that is there was begun with the same.
@@ -119,7 +135,8 @@ impl OnlineOptions {
 
     /// The same for a file of the run.
     pub(super) fn stored(&self, run: &Path) -> Self {
-        Self { world: self.world.stored(run), ..self.clone() }
+        let held_out_videos = self.world.held_out_videos();
+        Self { world: self.world.stored(run), held_out_videos, ..self.clone() }
     }
 
     fn first_difference(&self, asked: &Self) -> Option<(String, String, String)> {
@@ -132,6 +149,8 @@ impl OnlineOptions {
         let free = ["control_steps", "evaluate_every", "evaluation_episodes", "final_episodes"];
         let mut value = serde_json::to_value(self).unwrap_or_default();
         // What is left out of the file at its default has a value all the same.
+        // A folder whose videos have changed is told by itself, and older runs do not say theirs.
+        value.as_object_mut().map(|entries| entries.remove("held_out_videos"));
         value["behaviour"]["guard"] = self.behaviour.guard.into();
         value["behaviour"]["guard_members"] = self.behaviour.guard_members.into();
         if let (false, Some(entries)) = (is_published, value.as_object_mut()) {
@@ -466,5 +485,27 @@ mod tests {
         }
         let error = settled("swimmer-10").check().unwrap_err().to_string();
         assert!(error.contains("walker-walk"), "{error}");
+    }
+
+    /// A run's returns on held-out videos are of the same videos to its end.
+    #[test]
+    fn a_folder_that_holds_out_other_videos_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let films = folder.path().join("films");
+        for film in ["a", "b", "c", "d"] {
+            std::fs::create_dir_all(films.join(film)).unwrap();
+            std::fs::write(films.join(film).join("0.png"), []).unwrap();
+        }
+        let run = folder.path().join("runs/one");
+        std::fs::create_dir_all(&run).unwrap();
+        let world = default_world("cartpole-swingup").unwrap();
+        let world = WorldOptions { videos: VideoSource::Folder(films.clone()), video_count: Some(1), ..world };
+        let options = default_options(world, false);
+        options.keep(&run).unwrap();
+        assert_eq!(OnlineOptions::read(&run).unwrap().unwrap().held_out_videos, Some(vec!["c".to_owned()]));
+        options.keep(&run).unwrap();
+        std::fs::rename(films.join("c"), films.join("e")).unwrap();
+        let error = options.check_found(&run).unwrap_err().to_string();
+        assert!(error.contains("held-out videos") && error.contains("= c") && error.contains("d"), "{error}");
     }
 }

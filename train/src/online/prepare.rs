@@ -50,6 +50,17 @@ pub fn default_world(task: &str) -> Result<WorldOptions> {
     })
 }
 
+/// What a run learned from, which a share of every batch is to come from.
+fn recordings_of(run: &Run) -> Result<Vec<Recording>> {
+    run.open_recordings().map_err(|error| match error {
+        TrainError::Data(vibes_data::Error::NoRecording { path }) => TrainError::Options(format!(
+            "the recordings of this run are gone (a kept copy has none): {}; put them there, or go on without them with --given-share 0",
+            path.display()
+        )),
+        other => other,
+    })
+}
+
 /// Options that work, for a world; `is_given` says whether there are recordings to begin with.
 pub fn default_options(world: WorldOptions, is_given: bool) -> OnlineOptions {
     OnlineOptions {
@@ -69,6 +80,7 @@ pub fn default_options(world: WorldOptions, is_given: bool) -> OnlineOptions {
         evaluation_episodes: 5,
         final_episodes: 20,
         evaluate_mode: true,
+        held_out_videos: None,
     }
 }
 
@@ -113,7 +125,7 @@ pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions
         return Err(TrainError::Options(text));
     }
     // A share of 0 goes on without them, as where they are gone.
-    let given = if options.given_share > 0.0 { from.open_recordings()? } else { Vec::new() };
+    let given = if options.given_share > 0.0 { recordings_of(from)? } else { Vec::new() };
     check_repeats(&given, options.world.action_repeat)?;
     let spec = options.world.spec()?;
     let kind = observation_kind(&spec, model.observations)?;

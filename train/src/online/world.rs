@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use vibes_data::{Manifest, Spec, Video, relative_place};
+use vibes_data::{Manifest, Spec, Video, followed_place};
 use vibes_env::distractors::Axes;
 use vibes_env::render::RenderSettings;
 use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
@@ -54,6 +54,13 @@ impl WorldOptions {
         Ok(Arc::new(VideoLibrary::open(&self.videos, set, &names, pictures.look.sky_side(pictures.size))?))
     }
 
+    /// The names of the videos of a folder that are held out; none where nobody sees any, or the built-in ones are seen.
+    pub fn held_out_videos(&self) -> Option<Vec<String>> {
+        let is_of_a_folder = self.has_videos() && matches!(self.videos, VideoSource::Folder(_));
+        let count = self.video_count.or(self.distractors.difficulty.videos());
+        is_of_a_folder.then(|| self.videos.list(VideoSet::Val, count).ok()).flatten()
+    }
+
     /// That a folder of videos is there and holds both sets, before anything is begun.
     ///
     /// # Errors
@@ -85,7 +92,7 @@ impl WorldOptions {
     #[must_use]
     pub fn stored(&self, folder: &Path) -> Self {
         let videos = match &self.videos {
-            VideoSource::Folder(path) => VideoSource::Folder(relative_place(path, folder).into()),
+            VideoSource::Folder(path) => VideoSource::Folder(followed_place(path, folder).into()),
             source => source.clone(),
         };
         Self { videos, ..self.clone() }

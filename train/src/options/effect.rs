@@ -20,6 +20,16 @@ impl Options {
         }
     }
 
+    /// Weights of the dynamics term that nothing looks at: where it does not reach the latents, or shapes them by a term of the objective's own. Terms that wait rise with it.
+    pub(super) fn unread(&self) -> Vec<&'static str> {
+        let weighs = self.objective.dynamics_shape_latents();
+        let rises = weighs || auxiliary::asked(self).any(|term| term.waits());
+        [("dynamics_weight", weighs), ("dynamics_warmup", rises)]
+            .into_iter()
+            .filter_map(|(key, is_read)| (!is_read).then_some(key))
+            .collect()
+    }
+
     fn idle(&self, base: &Self) -> Option<(String, String)> {
         let (mine, theirs) = (Table::try_from(self).ok()?, Table::try_from(base).ok()?);
         let named: Table = [("objective".to_owned(), self.objective.to_string().into())].into_iter().collect();
@@ -52,12 +62,11 @@ impl Options {
             (!there && changed(key)).then(|| (key.replace('_', "-"), format!("the objective {name} {why}")))
         };
         let (adversary, waits) = (self.objective.networks(self, 1).adversary, self.objective.gate(self).is_some());
-        let shaped = self.objective.dynamics_shape_latents();
-        let rises = shaped || auxiliary::asked(self).any(|term| term.waits());
-        let unshaped = "fits the dynamics on latents that they do not move";
+        let unread = self.unread();
+        let unweighted = "does not weigh its dynamics by it";
         without("adversary_lr", adversary, "has no adversary")
-            .or_else(|| without("dynamics_weight", shaped, unshaped))
-            .or_else(|| without("dynamics_warmup", rises, unshaped))
+            .or_else(|| without("dynamics_weight", !unread.contains(&"dynamics_weight"), unweighted))
+            .or_else(|| without("dynamics_warmup", !unread.contains(&"dynamics_warmup"), unweighted))
             .or_else(|| without("dynamics_start", waits, "does not wait"))
             .or_else(|| without("dynamics_after", waits, "does not wait"))
     }

@@ -9,7 +9,7 @@ use super::super::sheet::{Activation, Dense, Sheet, panels};
 use crate::actions::ActionDistribution;
 
 /// Rows of a lane: enough for every weight that is read to be used often, and the same on any number of cores.
-pub(super) const ROWS: usize = 48;
+pub(super) const ROWS: usize = 64;
 
 /// Sizes of one call.
 #[derive(Clone, Copy, Debug, PartialEq)]

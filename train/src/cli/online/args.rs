@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
-use vibes_data::MOST_ACTION_REPEAT;
+use vibes_data::{MOST_ACTION_REPEAT, MOST_STEPS};
 use vibes_env::distractors::{Axes, Difficulty};
 use vibes_env::render::Look;
 use vibes_env::videos::{MOST_VIDEOS, VideoSource};
@@ -89,7 +89,7 @@ pub(super) struct WorldArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_ACTION_REPEAT)))]
     action_repeat: Option<u32>,
     /// Agent steps of an episode [default: 1000 control steps].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_STEPS)))]
     steps: Option<u32>,
 }
 

@@ -111,10 +111,15 @@ impl Folder {
             return Err(other(path, "agent", "dreamer", &options.system));
         }
         checkpoints::recover(&folder)?;
-        match Self::open(path)?.map(|found| options.stored(path).first_difference(&found.options.stored(path))) {
+        match Self::open(path)? {
             None => options.online.check_new(false)?,
-            Some(None) => {}
-            Some(Some((key, found, asked))) => return Err(other(path, &flag(&key), &found, &asked)),
+            Some(found) => {
+                let found = &found.options;
+                if let Some((key, found, asked)) = options.stored(path).first_difference(&found.stored(path)) {
+                    return Err(other(path, &flag(&key), &found, &asked));
+                }
+                options.online.check_held_out(&found.online, path)?;
+            }
         }
         fs::create_dir_all(path.join("checkpoints")).map_err(io("create", path))?;
         write_json(&folder.model_free_path(), &options.stored(path))?;
