@@ -181,7 +181,7 @@ fn numbers_that_no_command_takes_are_an_error_and_nothing_is_begun() {
         ("video_count", u64::MAX, "right is 1 to 10000"),
         ("action_repeat", u64::from(u32::MAX), "right is 1 to 1000"),
         ("steps", u64::from(u32::MAX), "right is 0 to 1000000"),
-        ("episodes", u64::from(u32::MAX), "right is 0 to 1000000"),
+        ("episodes", u64::from(u32::MAX), "right is 0 to 999999"),
         ("size", u64::from(u32::MAX), "right is 1 to 2048"),
     ];
     for (option, number, said) in damages {
