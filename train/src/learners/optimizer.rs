@@ -87,7 +87,7 @@ impl Optimizer {
     /// The state that [`Optimizer::to_tensors`] saved after `steps` steps, from the tensors of this file.
     ///
     /// # Errors
-    /// [`TrainError::Malformed`]: a parameter's first step is none of those.
+    /// [`crate::error::TrainError::Malformed`]: a parameter's first step is none of those.
     pub fn restore(
         &mut self,
         prefix: &str,
