@@ -3,10 +3,10 @@
 //! In: a recording's options as JSON, which name a folder of videos and the files of policies. Out: the same options for another folder. Symbolic links
 //! are followed before `..` is counted, since that is how the system follows the result.
 
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use vibes_data::{followed, followed_place};
+use vibes_data::{followed, followed_place, whole};
 use vibes_env::{PolicyMix, PolicySpec};
 
 /// The options of a recording in the folder `to`, made from those that are relative to `from`; without a `from`, from those that were typed.
@@ -38,27 +38,14 @@ pub(crate) fn policy_name(spec: &PolicySpec, folder: &Path) -> String {
 
 /// Where a path of a manifest in `folder` is; below the working directory it is said from there.
 fn found(folder: &Path, path: &Path) -> PathBuf {
-    let whole = plain(&followed(folder).join(path));
+    let there = whole(&followed(folder).join(path));
     let here = std::env::current_dir().and_then(std::fs::canonicalize);
-    here.ok().and_then(|here| whole.strip_prefix(here).ok().map(Path::to_owned)).unwrap_or(whole)
+    here.ok().and_then(|here| there.strip_prefix(here).ok().map(Path::to_owned)).unwrap_or(there)
 }
 
 /// The way from a folder to a path.
 fn relative(folder: &Path, path: &Path) -> PathBuf {
     followed_place(path, folder).into()
-}
-
-/// A path without `.` and `..`.
-fn plain(path: &Path) -> PathBuf {
-    let mut plain = PathBuf::new();
-    for part in path.components() {
-        match part {
-            Component::CurDir => {}
-            Component::ParentDir => drop(plain.pop()),
-            part => plain.push(part),
-        }
-    }
-    plain
 }
 
 #[cfg(test)]

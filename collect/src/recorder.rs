@@ -111,7 +111,7 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
         check_drawing()?;
     }
     let videos = match (run.source.videos(), options.pictures()) {
-        (Some(names), Some(pictures)) => options.named_videos(&names, pictures)?,
+        (Some((place, names)), Some(pictures)) => options.named_videos(place, &names, pictures)?,
         _ => options.video_library()?,
     };
     // What is drawn again was acted out by whoever its recording names, which need be no mix: an online run says `random`, and Python says `python`.

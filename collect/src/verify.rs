@@ -3,6 +3,7 @@
 //!
 //! In: a recording. Out: a [`Verdict`]: what is wrong, and the largest errors seen.
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use vibes_data::{BackgroundFrame, EpisodeEntry, EpisodeView, Finding, Recording, verify_episode};
@@ -100,6 +101,8 @@ pub fn verify(recording: &Recording, simulate: bool) -> Result<Verdict> {
 /// What it takes to simulate each episode again: of a merged recording, that of the part it came from. One is open at a time, since
 /// episodes of a part follow each other.
 struct Simulators {
+    /// The recording.
+    place: PathBuf,
     parts: Vec<Part>,
     open: Option<(usize, Again)>,
 }
@@ -145,7 +148,7 @@ impl Simulators {
                 parts.into_iter().map(part).collect::<Result<Vec<_>>>()?
             }
         };
-        Ok(Self { parts, open: None })
+        Ok(Self { place: recording.path().to_owned(), parts, open: None })
     }
 
     /// None for an episode that this program did not record.
@@ -154,7 +157,7 @@ impl Simulators {
         let Part { options: Some(options), names, videos, .. } = &self.parts[place] else { return Ok(None) };
         if self.open.as_ref().is_none_or(|(open, _)| *open != place) {
             self.open = None;
-            self.open = Some((place, Again::new(options, names, videos.clone())?));
+            self.open = Some((place, Again::new(options, (&self.place, names), videos.clone())?));
         }
         Ok(self.open.as_mut().map(|(_, again)| again))
     }
@@ -170,13 +173,13 @@ struct Again {
 }
 
 impl Again {
-    fn new(options: &RecordOptions, names: &[String], listed: Option<Vec<u32>>) -> Result<Self> {
+    fn new(options: &RecordOptions, (place, names): (&Path, &[String]), listed: Option<Vec<u32>>) -> Result<Self> {
         let environment = options.environment()?;
         let settings = options.pictures();
         let open = |settings| Renderer::new(settings, environment.scenery(), environment.physics().model());
         // Where nothing is drawn again, nobody sees a video.
         let videos = match settings {
-            Some(pictures) => options.named_videos(names, pictures)?,
+            Some(pictures) => options.named_videos(place, names, pictures)?,
             None => Arc::new(VideoLibrary::none()),
         };
         Ok(Self { listed, renderer: settings.map(open).transpose()?, videos, environment })

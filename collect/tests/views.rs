@@ -193,6 +193,20 @@ fn numbers_that_no_command_takes_are_an_error_and_nothing_is_begun() {
         std::fs::write(folder.join("plain/manifest.json"), &whole).unwrap();
     }
     let mut manifest: serde_json::Value = serde_json::from_slice(&whole).unwrap();
+    for name in ["", "../elsewhere"] {
+        manifest["videos"][0]["name"] = name.into();
+        std::fs::write(folder.join("plain/manifest.json"), manifest.to_string()).unwrap();
+        for line in ["verify plain", "render plain --size 20 -o again"] {
+            fails(
+                folder,
+                line,
+                1,
+                &format!("a background video is named {name:?}; right is the name of a video: plain"),
+            );
+        }
+    }
+    assert!(!folder.join("again").exists());
+    let mut manifest: serde_json::Value = serde_json::from_slice(&whole).unwrap();
     manifest["spec"]["action_repeat"] = u32::MAX.into();
     std::fs::write(folder.join("plain/manifest.json"), manifest.to_string()).unwrap();
     fails(folder, "replay plain", 1, "held for 4294967295 control steps");

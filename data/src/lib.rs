@@ -39,7 +39,7 @@ pub use lock::FolderLock;
 pub use manifest::{Cell, EpisodeEntry, FORMAT, FileEntry, Grid, Manifest, Video};
 pub use map::read_table;
 pub use mcap_log::{mcap_bytes, read_mcap};
-pub use place::{find_place, followed, followed_place, is_same_place, relative_place};
+pub use place::{find_place, followed, followed_place, is_same_place, relative_place, whole};
 pub use quantity::{About, Formula, Quantity};
 pub use readable::Readable;
 pub use recording::Recording;

@@ -45,7 +45,7 @@ pub fn is_same_place(one: &Path, other: &Path) -> bool {
 }
 
 /// The absolute path without `.` and `..`. Links are not followed: they may be what makes a folder movable.
-fn whole(path: &Path) -> PathBuf {
+pub fn whole(path: &Path) -> PathBuf {
     // The folder of a file in the present folder is named by nothing, which has no absolute path.
     let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
     let mut plain = PathBuf::new();

@@ -40,26 +40,29 @@ impl RecordOptions {
             return Ok(Arc::new(VideoLibrary::none()));
         }
         let count = self.video_count.or(self.distractors.difficulty.videos());
-        self.named_videos(&self.videos.list(self.video_set, count)?, pictures)
+        self.open_videos(&self.videos.list(self.video_set, count)?, pictures)
     }
 
-    /// The same, of a recording that is there: its manifest names its videos, whatever else the folder holds by now.
+    /// The same, of the recording at `place`: its manifest names its videos, whatever else the folder holds by now.
     ///
     /// # Errors
-    /// A video that is gone, a frame that cannot be decoded.
-    pub fn named_videos(&self, names: &[String], pictures: RenderSettings) -> Result<Arc<VideoLibrary>> {
+    /// A video that is gone, a frame that cannot be decoded; names that no folder has, since a damaged manifest may name anything.
+    pub fn named_videos(&self, place: &Path, names: &[String], pictures: RenderSettings) -> Result<Arc<VideoLibrary>> {
         if !self.distractors.axes.background {
             return Ok(Arc::new(VideoLibrary::none()));
         }
-        // A damaged manifest may name anything.
         let wanted = names.len();
         if wanted > usize::from(MOST_VIDEOS) {
             return Err(vibes_env::Error::TooManyVideos { wanted, most: MOST_VIDEOS }.into());
         }
         if let Some(name) = names.iter().find(|name| name.is_empty() || name.contains(['/', '\\'])) {
             let fact = format!("a background video is named {name:?}");
-            return Err(Error::malformed("manifest.json", fact, "the name of one of the folder's videos"));
+            return Err(Error::malformed(place, fact, "right is the name of a video"));
         }
+        self.open_videos(names, pictures)
+    }
+
+    fn open_videos(&self, names: &[String], pictures: RenderSettings) -> Result<Arc<VideoLibrary>> {
         let side = pictures.look.sky_side(pictures.size);
         Ok(Arc::new(VideoLibrary::open(&self.videos, self.video_set, names, side)?))
     }

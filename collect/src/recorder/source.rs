@@ -4,6 +4,7 @@
 //! it, where there are any. Whatever is damaged is made anew if it can be.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use vibes_data::{Episode, EpisodeEntry, EpisodeInfo, Recording, Video};
 
@@ -63,11 +64,12 @@ impl<'a> Source<'a> {
         PlannedEpisode { index, cell, state: if is_redrawn { index } else { state }, distractor }
     }
 
-    /// The names of the videos that its stored distractors play, where these stay: as its manifest has them, whatever else their folder holds by now.
-    pub(super) fn videos(self) -> Option<Vec<String>> {
+    /// The recording whose stored distractors are played, and the names of their videos, where these stay: as its manifest has them, whatever else their folder holds by now.
+    pub(super) fn videos(self) -> Option<(&'a Path, Vec<String>)> {
         match self {
             Self::Episodes(recording) => {
-                Some(recording.manifest().videos.iter().map(|video| video.name.clone()).collect())
+                let names = recording.manifest().videos.iter().map(|video| video.name.clone()).collect();
+                Some((recording.path(), names))
             }
             _ => None,
         }

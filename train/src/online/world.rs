@@ -38,6 +38,11 @@ impl WorldOptions {
         self.pictures().is_some() && self.distractors.axes.background
     }
 
+    /// How many videos a set has; all there are where neither the options nor the difficulty say.
+    fn videos_of_a_set(&self) -> Option<usize> {
+        self.video_count.or(self.distractors.difficulty.videos())
+    }
+
     /// The background videos of a set; none where none are seen.
     ///
     /// # Errors
@@ -46,19 +51,14 @@ impl WorldOptions {
         let Some(pictures) = self.pictures().filter(|_| self.distractors.axes.background) else {
             return Ok(Arc::new(VideoLibrary::none()));
         };
-        let [train, val] = self.videos.lists(self.video_count.or(self.distractors.difficulty.videos()))?;
-        let names = match set {
-            VideoSet::Train => train,
-            VideoSet::Val => val,
-        };
+        let names = self.videos.list(set, self.videos_of_a_set())?;
         Ok(Arc::new(VideoLibrary::open(&self.videos, set, &names, pictures.look.sky_side(pictures.size))?))
     }
 
     /// The names of the videos of a folder that are held out; none where nobody sees any, or the built-in ones are seen.
     pub fn held_out_videos(&self) -> Option<Vec<String>> {
         let is_of_a_folder = self.has_videos() && matches!(self.videos, VideoSource::Folder(_));
-        let count = self.video_count.or(self.distractors.difficulty.videos());
-        is_of_a_folder.then(|| self.videos.list(VideoSet::Val, count).ok()).flatten()
+        is_of_a_folder.then(|| self.videos.list(VideoSet::Val, self.videos_of_a_set()).ok()).flatten()
     }
 
     /// That a folder of videos is there and holds both sets, before anything is begun.
@@ -67,7 +67,7 @@ impl WorldOptions {
     /// It does not, or holds too few.
     pub fn check_videos(&self) -> Result<()> {
         if self.has_videos() {
-            self.videos.lists(self.video_count.or(self.distractors.difficulty.videos()))?;
+            self.videos.lists(self.videos_of_a_set())?;
         }
         Ok(())
     }
