@@ -82,6 +82,20 @@ fn wrong(text: impl Into<String>) -> anyhow::Error {
     WrongArguments(text.into()).into()
 }
 
+/// That no two of these paths lead to one place: a run that counts twice makes intervals narrower than they are.
+fn distinct_places(paths: &[PathBuf]) -> anyhow::Result<()> {
+    for (at, path) in paths.iter().enumerate() {
+        if let Some(same) = paths[..at].iter().find(|same| vibes_data::is_same_place(same, path)) {
+            return Err(wrong(format!(
+                "these are one and the same and would count twice; leave one of them out: {} and {}",
+                same.display(),
+                path.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
 /// Runs the program on this process's arguments.
 #[must_use]
 pub fn main() -> ExitCode {
@@ -152,5 +166,24 @@ fn print(outcome: &Outcome, globals: &Globals) {
 fn say(globals: &Globals, text: impl std::fmt::Display) {
     if !globals.quiet {
         eprintln!("{text}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_place_under_two_names_is_refused_with_both() {
+        let home = tempfile::tempdir().expect("folder");
+        let [one, two] = ["one", "two"].map(|name| home.path().join(name));
+        for folder in [&one, &two] {
+            std::fs::create_dir(folder).expect("folder");
+        }
+        assert!(distinct_places(&[one.clone(), two.clone()]).is_ok() && distinct_places(&[]).is_ok());
+        let fault = distinct_places(&[one.clone(), two.clone(), two.join("../one")]).expect_err("twice");
+        assert!(is_wrong(&fault));
+        let named = format!("{} and {}", one.display(), two.join("../one").display());
+        assert!(fault.to_string().ends_with(&named), "{fault}");
     }
 }

@@ -28,6 +28,8 @@ pub struct Page {
     pub note: Option<String>,
     /// Where the numbers come from, in a sentence.
     pub origin: String,
+    /// What must be known of its numbers, a sentence each.
+    pub remarks: Vec<String>,
     /// The answer, before everything else.
     pub verdict: Verdict,
     /// Maps to look into, side by side.
@@ -95,6 +97,9 @@ impl Page {
             let _ = writeln!(body, "<p class=\"note\">{}</p>", escape(note));
         }
         let _ = writeln!(body, "<p class=\"origin\">{}</p>", escape(&self.origin));
+        for remark in &self.remarks {
+            let _ = writeln!(body, "<p class=\"remark\">{}</p>", escape(remark));
+        }
         self.verdict.write(&mut body);
         contents(&mut body, &self.chapters, !self.maps.is_empty());
         let (mut answers, mut data) = (String::new(), String::new());

@@ -131,16 +131,35 @@ impl Entry {
     }
 }
 
-/// `mean ± half` with a minus sign, as many digits as the size asks for.
+/// `mean ± half` with a minus sign, as many digits as the sizes of both ask for.
 #[must_use]
 pub fn mean_text(mean: f64, half: Option<f64>) -> String {
-    let digits = match mean.abs().max(half.unwrap_or(0.0).abs()) {
+    let digits = decimals(mean, half.unwrap_or(0.0));
+    let half = half.map_or_else(String::new, |h| format!(" ± {h:.digits$}"));
+    let mean = format!("{mean:.digits$}");
+    // What is rounded to nothing has no sign.
+    let is_nothing = mean.chars().all(|sign| matches!(sign, '-' | '0' | '.'));
+    let mean = if is_nothing { mean.replace('-', "") } else { mean.replace('-', "−") };
+    mean + &half
+}
+
+/// Most decimals of a mean.
+const DECIMALS: i32 = 5;
+
+/// As many decimals as the larger of the two numbers asks for, and enough that two digits of the smaller are seen.
+fn decimals(mean: f64, half: f64) -> usize {
+    let (mean, half) = (mean.abs(), half.abs());
+    let usual = match mean.max(half) {
         a if a >= 100.0 => 0,
         a if a >= 10.0 => 1,
         _ => 2,
     };
-    let half = half.map_or_else(String::new, |h| format!(" ± {h:.digits$}"));
-    format!("{mean:.digits$}{half}").replace('-', "−")
+    // Nothing has no digits.
+    let smaller = [mean, half].into_iter().filter(|size| *size > 0.0 && size.is_finite()).reduce(f64::min);
+    smaller.map_or(usual, |smaller| {
+        let needed = (1 - smaller.log10().floor() as i32).clamp(0, DECIMALS);
+        usual.max(needed as usize)
+    })
 }
 
 /// A way to set the table as text.
@@ -310,7 +329,7 @@ fn latex_escaped(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{Mark, RunScore, ScoreTable, Style, score_table};
+    use super::{Mark, RunScore, ScoreTable, Style, mean_text, score_table};
 
     fn run(method: &str, task: &str, score: f64) -> RunScore {
         RunScore { method: method.to_owned(), task: task.to_owned(), score, higher_is_better: true }
@@ -345,9 +364,9 @@ mod tests {
         let table = example();
         let expected = "\
 objective         reacher     walker  average
-vibes           900 ± 25 *  700 ± 2      800 *
-no-adversary    880 ± 25 ~          –        –
-reconstruction  100 ± 25    710 ± 2 *    405
+vibes           900 ± 25 *  700.0 ± 2.5      800 *
+no-adversary    880 ± 25 ~              –        –
+reconstruction  100 ± 25    710.0 ± 2.5 *    405
 ";
         let text = table.text("objective", true, Style::Terminal { ansi: false });
         let words =
@@ -359,7 +378,7 @@ reconstruction  100 ± 25    710 ± 2 *    405
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(
             lines[..3],
-            ["| objective | reacher | walker |", "| --- | ---: | ---: |", "| vibes | **900 ± 25** | 700 ± 2 |"]
+            ["| objective | reacher | walker |", "| --- | ---: | ---: |", "| vibes | **900 ± 25** | 700.0 ± 2.5 |"]
         );
         assert_eq!(lines[3], "| no-adversary | <u>880 ± 25</u> | – |");
         let text = table.text("objective_x", false, Style::Latex);
@@ -369,7 +388,29 @@ reconstruction  100 ± 25    710 ± 2 *    405
         );
         let text = table.text("a{b}\\c", false, Style::Latex);
         assert!(text.contains("\na\\{b\\}\\textbackslash{}c & "), "{text}");
-        assert!(text.contains("\nvibes & \\textbf{900 $\\pm$ 25} & 700 $\\pm$ 2 \\\\\n"), "{text}");
+        assert!(text.contains("\nvibes & \\textbf{900 $\\pm$ 25} & 700.0 $\\pm$ 2.5 \\\\\n"), "{text}");
+    }
+
+    #[test]
+    fn two_digits_of_a_small_number_are_seen() {
+        for (mean, half, text) in [
+            (0.0042, Some(0.0011), "0.0042 ± 0.0011"),
+            (-0.5, Some(0.012), "−0.500 ± 0.012"),
+            (0.031, Some(0.2), "0.031 ± 0.200"),
+            (930.0, Some(12.0), "930 ± 12"),
+            (52.3, Some(17.5), "52.3 ± 17.5"),
+            (700.0, Some(2.48), "700.0 ± 2.5"),
+            (-123.4, Some(0.0), "−123 ± 0"),
+            (0.0042, None, "0.0042"),
+            (2.5, None, "2.50"),
+            (12.0, None, "12.0"),
+            (0.0, None, "0.00"),
+            (0.0, Some(0.0), "0.00 ± 0.00"),
+            (-0.000_001, None, "0.00000"),
+            (f64::NAN, None, "NaN"),
+        ] {
+            assert_eq!(mean_text(mean, half), text);
+        }
     }
 
     #[test]

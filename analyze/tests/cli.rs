@@ -738,6 +738,10 @@ fn a_grid_with_holes_is_drawn_and_measured_as_one() {
     holes.write(&fixture.latents()).expect("latents");
     let (_, said) = good(fixture.path(), &["grid"]);
     assert!(said.contains("1 of 12 cells were not recorded"), "{said}");
+    let (_, said) = good(fixture.path(), &["grid", "--where", "episode != 0", "-o", "chosen"]);
+    assert!(said.contains("2 of 12 cells have no row that --where chooses"), "{said}");
+    let svg = std::fs::read_to_string(fixture.path().join("chosen/grid.svg")).expect("figure");
+    assert!(svg.contains("not chosen") && !svg.contains("not recorded"));
     let (_, said) = good(fixture.path(), &["invariance"]);
     assert!(said.contains("state trajectories [1] lack a cell"), "{said}");
     let short = rows_of(&l, |row| l.episode[row] != 4 || l.step[row] < 3);
@@ -766,6 +770,19 @@ fn runs_without_metrics_and_tables_of_other_rows_are_refused() {
     assert!(!written.contains(text(fixture.path())) && written.contains("past_actions\": {"), "{written}");
     let (said, _) = good(fixture.path(), &["curves", "runs/discs", "runs/b"]);
     assert!(said.starts_with("curves: 3 metrics of 2 runs"), "{said}");
+    let twice = "batch_effective_rank,batch_effective_rank";
+    let (said, _) = good(fixture.path(), &["curves", "runs/discs", "runs/b", "--metrics", twice]);
+    assert!(said.starts_with("curves: 1 metrics of 2 runs"), "{said}");
+    let (said, _) = good(fixture.path(), &["table", "runs/discs", "runs/b", "--metrics", twice, "--by", "objective"]);
+    assert!(said.starts_with("table: batch_effective_rank of 2 runs by objective"), "{said}");
+    for verb in ["curves", "table", "report"] {
+        let said = bad(fixture.path(), &[verb, "runs/discs", "runs/b/../discs"], 2);
+        assert!(said.contains("would count twice") && said.contains("runs/discs and runs/b/../discs"), "{said}");
+    }
+    l.reward[0] = l.reward[0].map(|reward| 1.0 - reward);
+    l.write(&fixture.path().join("runs/b/latents.arrow")).expect("latents");
+    let said = bad(fixture.path(), &["compare", "runs/discs", "runs/b"], 2);
+    assert!(said.contains("at step 0 of episode 0"), "another recording of the same size: {said}");
     l.step[0] = 999;
     l.write(&fixture.path().join("runs/b/latents.arrow")).expect("latents");
     assert!(bad(fixture.path(), &["compare", "runs/discs", "runs/b"], 2).contains("not of the same rows"));

@@ -121,6 +121,7 @@ impl RecordOptions {
             && home.videos.as_ref() == Some(&self.videos)
             && home.video_count == self.video_count
             && home.action_repeat == Some(self.action_repeat)
+            && home.look == self.look
             && self.steps == whole
             && self.axis_seeds.is_empty()
             && self.video_set == VideoSet::Val
@@ -210,7 +211,8 @@ mod tests {
         let own = options();
         assert_eq!(own.protocol_of(&home).as_deref(), Some("dcs-easy-dynamic-500k"));
         assert_eq!(own.protocol_of(&unfinished), None, "not all control steps");
-        let changes: [fn(&mut RecordOptions); 6] = [
+        let changes: [fn(&mut RecordOptions); 7] = [
+            |options| options.look = Look::Suite,
             |options| options.steps = 100,
             |options| options.action_repeat = 2,
             |options| options.video_count = Some(300),

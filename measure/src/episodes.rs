@@ -1,12 +1,13 @@
 //! Episodes of one or more recordings as one set: which of them are looked at, and of which trajectories they are.
 //!
-//! Episode 3 of one recording is another than episode 3 of the next, and so are states and distractors: together they are numbered anew. Yet episodes of
-//! several recordings that took the same actions are *views* of one state trajectory, which `vibes-collect render` draws again: what is fitted on one must not
-//! be checked on the other, and an interval must not take them for two trajectories.
+//! Episode 3 of one recording is another than episode 3 of the next, and so are states and distractors: together they are numbered anew. Yet episodes that
+//! took the same actions are *views* of one state trajectory, which `vibes-collect render` draws again and `vibes-collect merge` puts into one recording, without
+//! cells: what is fitted on one must not be checked on the other, and an interval must not take them for two trajectories.
 //!
 //! In: the episodes with their cells, and the actions of those that are asked for. Out: the episodes that are looked at, with their numbers among all.
 
 use std::collections::BTreeMap;
+use std::hash::{DefaultHasher, Hasher};
 
 use crate::intervals::{Label, label};
 use crate::table::number;
@@ -34,7 +35,7 @@ pub struct Chosen {
     pub episode: u32,
     /// Its state trajectory, where it lies on a grid or has views.
     pub state: Option<u32>,
-    /// Its distractor trajectory.
+    /// Its distractor trajectory: that of its cell, or one of its own where only its state is known.
     pub distractor: Option<u32>,
 }
 
@@ -46,8 +47,8 @@ impl Chosen {
     }
 }
 
-/// At most `most` of the episodes, with their numbers among them: as many state trajectories as there can be, before a second view of any, evenly spread over the list. `actions` gives all actions of the episode at a place of the list; it is asked only where the episodes are of several recordings.
-/// Those of one recording keep their numbers.
+/// At most `most` of the episodes, with their numbers among them: as many state trajectories as there can be, before a second view of any, evenly spread over the list. `actions` gives all actions of the episode at a place of the list; it is asked of all of them, unless they are of one recording in which every one has a cell.
+/// Episodes of one recording keep their numbers, and so do its cells where nothing is asked.
 ///
 /// # Errors
 /// What `actions` fails with.
@@ -56,19 +57,22 @@ pub fn chosen<E>(
     most: usize,
     mut actions: impl FnMut(usize) -> Result<Vec<f32>, E>,
 ) -> Result<Vec<Chosen>, E> {
-    if all.iter().all(|one| one.recording == all[0].recording) {
-        let states: Option<Vec<u32>> = all.iter().map(|one| one.cell.map(|cell| cell.0)).collect();
-        let places = spread(states.as_deref(), all.len(), most);
+    let is_one_recording = all.iter().all(|one| one.recording == all[0].recording);
+    let states_of_cells: Option<Vec<u32>> = all.iter().map(|one| one.cell.map(|cell| cell.0)).collect();
+    if is_one_recording && states_of_cells.is_some() {
+        let places = spread(states_of_cells.as_deref(), all.len(), most);
         return Ok(places.into_iter().map(|place| as_recorded(all, place)).collect());
     }
-    let taken = (0..all.len()).map(&mut actions).collect::<Result<Vec<_>, E>>()?;
+    let taken = (0..all.len()).map(|place| actions(place).map(|own| digest(&own))).collect::<Result<Vec<u64>, E>>()?;
     let states = views(&taken);
     let places = spread(states.as_deref(), all.len(), most);
     let mut chosen: Vec<Chosen> = places.iter().map(|&place| as_recorded(all, place)).collect();
-    number_anew(all, &mut chosen);
-    for one in &mut chosen {
-        if let Some(states) = &states {
-            (one.state, one.distractor) = (Some(states[one.place]), Some(one.episode));
+    if !is_one_recording {
+        number_anew(all, &mut chosen);
+    }
+    if let Some(states) = states {
+        for (one, distractor) in chosen.iter_mut().zip(distractors(all, &places)) {
+            (one.state, one.distractor) = (Some(states[one.place]), Some(distractor));
         }
     }
     Ok(chosen)
@@ -118,13 +122,30 @@ fn number_anew(all: &[Episode], chosen: &mut [Chosen]) {
     }
 }
 
+/// The distractor trajectory of the episode at each place, numbered together: a column of one recording's grid is the same in all of its rows, and neither a column
+/// of another grid nor an episode outside any has its number.
+fn distractors(all: &[Episode], places: &[usize]) -> Vec<u32> {
+    let label = |&place: &usize| {
+        let Episode { recording, index, cell } = all[place];
+        cell.map_or((1, recording, index), |(_, column)| (0, recording, column))
+    };
+    number(&places.iter().map(label).collect::<Vec<(u8, usize, u32)>>())
+}
+
+/// What actions are told apart by, so that those of one episode at a time are in memory: two of a million episodes share it by chance in one of thirty million recordings.
+fn digest(actions: &[f32]) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    actions.iter().for_each(|value| hasher.write_u32(value.to_bits()));
+    hasher.finish()
+}
+
 /// A number for every episode, the same for those that took the same actions; nothing where all differ, or where none do, as under a policy that always does
 /// the same.
-fn views(actions: &[Vec<f32>]) -> Option<Vec<u32>> {
-    let mut numbers: BTreeMap<Vec<u32>, u32> = BTreeMap::new();
-    let mut state = |actions: &Vec<f32>| {
+fn views(actions: &[u64]) -> Option<Vec<u32>> {
+    let mut numbers: BTreeMap<u64, u32> = BTreeMap::new();
+    let mut state = |actions: &u64| {
         let next = numbers.len() as u32;
-        *numbers.entry(actions.iter().map(|value| value.to_bits()).collect()).or_insert(next)
+        *numbers.entry(*actions).or_insert(next)
     };
     let states: Vec<u32> = actions.iter().map(&mut state).collect();
     (1 < numbers.len() && numbers.len() < actions.len()).then_some(states)
@@ -147,16 +168,53 @@ mod tests {
     }
 
     #[test]
-    fn one_recording_keeps_its_numbers_and_nobody_asks_for_its_actions() {
+    fn a_grid_keeps_its_numbers_and_nobody_asks_for_its_actions() {
         let all: Vec<Episode> = (0..10).map(|index| episode(0, 7 * index, Some((index / 5, index % 5)))).collect();
         let refuse = |_: usize| Err("asked");
         let some = chosen(&all, 4, refuse).unwrap();
         assert_eq!(some.iter().map(|one| one.place).collect::<Vec<_>>(), [0, 1, 6, 7], "of every state alike");
         assert_eq!(some[2], Chosen { place: 6, episode: 42, state: Some(1), distractor: Some(1) });
         assert_eq!(chosen(&all, usize::MAX, refuse).unwrap().len(), 10);
-        let alone: Vec<Episode> = (0..101).map(|index| episode(0, index, None)).collect();
-        assert_eq!(chosen(&alone, 100, refuse).unwrap().len(), 100, "as many as may be looked at");
         assert!(chosen(&[], 4, refuse).unwrap().is_empty());
+    }
+
+    #[test]
+    fn one_recording_of_other_actions_keeps_its_numbers() {
+        let alone: Vec<Episode> = (0..101).map(|index| episode(0, 7 * index, None)).collect();
+        let found = choose(&alone, 100, |one| one.index as f32);
+        assert_eq!(found.len(), 100, "as many as may be looked at");
+        let own = |one: &Chosen| one.episode == 7 * one.place as u32 && one.state.is_none() && one.distractor.is_none();
+        assert!(found.iter().all(own), "{found:?}");
+    }
+
+    /// As `vibes-collect merge`, and then `filter`, leave them: without cells.
+    #[test]
+    fn views_within_one_recording_are_one() {
+        let merged: Vec<Episode> = (0..12).map(|index| episode(0, 7 * index, None)).collect();
+        let action = |one: Episode| (one.index / 7 % 4) as f32;
+        let found = choose(&merged, usize::MAX, action);
+        assert_eq!(
+            found.iter().map(|one| one.episode).collect::<Vec<_>>(),
+            (0..12).map(|n| 7 * n).collect::<Vec<u32>>()
+        );
+        let states: Vec<Option<u32>> = found.iter().map(|one| one.state).collect();
+        assert_eq!(states, [Some(0), Some(1), Some(2), Some(3)].repeat(3));
+        let labels: Vec<Label> = found.iter().map(Chosen::label).collect();
+        assert_eq!(Trajectories::new(&labels).units(), 12, "each under a distractor of its own");
+        let some: Vec<Option<u32>> = choose(&merged, 4, action).iter().map(|one| one.state).collect();
+        assert_eq!(some.iter().collect::<std::collections::BTreeSet<_>>().len(), 4, "before a second view of any");
+    }
+
+    #[test]
+    fn a_column_of_a_grid_is_one_distractor_beside_views_and_no_other_grids() {
+        let cells = |recording, index: u32| episode(recording, index, Some((index / 2, index % 2)));
+        let grids = (0..2).flat_map(|recording| (0..6).map(move |index| cells(recording, index)));
+        let all: Vec<Episode> = grids.chain((0..3).map(|index| episode(2, index, None))).collect();
+        let found = choose(&all, usize::MAX, |one| one.cell.map_or(one.index, |cell| cell.0) as f32);
+        let states: Vec<u32> = found.iter().filter_map(|one| one.state).collect();
+        assert_eq!(states, [0, 0, 1, 1, 2, 2, 0, 0, 1, 1, 2, 2, 0, 1, 2]);
+        let distractors: Vec<u32> = found.iter().filter_map(|one| one.distractor).collect();
+        assert_eq!(distractors, [0, 1, 0, 1, 0, 1, 2, 3, 2, 3, 2, 3, 4, 5, 6]);
     }
 
     #[test]

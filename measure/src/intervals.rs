@@ -10,7 +10,7 @@ use rand::Rng;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// A number and the ends of its 95% interval. The ends are NaN when there was only one trajectory or run to go by.
+/// A number and the ends of its 95% interval. The ends are NaN when there was only one trajectory or run to go by, or when the number is none without one of them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Interval {
     /// The number itself.
@@ -208,10 +208,12 @@ impl Range {
 /// on a scale that keeps the ends within the number's range.
 ///
 /// Both kinds are taken as drawn at random, so their variances add up; degrees of freedom after Satterthwaite. A bootstrap will not do for shares of
-/// variance and spectra: a grid that holds a trajectory twice varies less, and its numbers lie beside the estimate. No interval with fewer than three of a kind.
+/// variance and spectra: a grid that holds a trajectory twice varies less, and its numbers lie beside the estimate. No interval with fewer than three of a kind, nor
+/// where the number is not finite without one of them: nobody knows what another would have brought.
 #[must_use]
 pub fn crossed(estimate: f64, without: [&[f64]; 2], range: Range) -> Interval {
-    if without.iter().any(|values| values.len() < 3) || !estimate.is_finite() {
+    let is_too_little = |values: &&[f64]| values.len() < 3 || values.iter().any(|value| !value.is_finite());
+    if without.iter().any(is_too_little) || !estimate.is_finite() {
         return Interval { estimate, low: f64::NAN, high: f64::NAN };
     }
     let variance = without.map(|values| {
@@ -326,5 +328,16 @@ mod tests {
     fn a_share_that_no_trajectory_changes_is_certain() {
         let found = crossed(0.25, [&[0.25; 5], &[0.25; 4]], Range::Share);
         assert!((found.low - 0.25).abs() < 1e-12 && (found.high - 0.25).abs() < 1e-12, "{found:?}");
+    }
+
+    #[test]
+    fn a_share_that_is_none_without_a_trajectory_has_no_interval() {
+        for none in [f64::NAN, f64::INFINITY] {
+            let (broken, whole) = ([none, 1.0, 1.0], [1.0; 4]);
+            for without in [[&broken[..], &whole[..]], [&whole[..], &broken[..]]] {
+                let found = crossed(1.0, without, Range::Share);
+                assert!(found.low.is_nan() && found.high.is_nan(), "{found:?}");
+            }
+        }
     }
 }

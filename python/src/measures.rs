@@ -311,7 +311,7 @@ impl Table {
         beside(py, numbers, ("pairs", &found.pairs))
     }
 
-    /// How many dimensions the cloud of latents fills.
+    /// How many dimensions the cloud of all rows fills; that of `grid_numbers` is of the grid's complete part, and has an interval.
     fn effective_rank<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let found = unlocked(py, || spectrum(&self.values, self.dims))?;
         let out = PyDict::new(py);

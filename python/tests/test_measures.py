@@ -104,6 +104,30 @@ def test_a_map_is_the_same_for_the_same_seed_and_keeps_neighbours():
     assert min(np.linalg.norm(means[i] - means[j]) for i in range(4) for j in range(i)) > spread
 
 
+def test_a_map_takes_latents_as_they_are_unless_told_otherwise():
+    """As ``vibes-analyze umap`` does, so that both draw the same neighbours."""
+    rng = np.random.default_rng(0)
+    table = measures.Table(rng.normal(size=(80, 3)) * [1, 10, 100], episode=np.repeat(np.arange(4), 20), step=np.tile(np.arange(20), 4))
+    told = [{}, {"metric": "euclidean"}, {"metric": "standardized"}]
+    unless_told, euclidean, standardized = (measures.umap(table, seed=1, epochs=20, **metric)["positions"] for metric in told)
+    np.testing.assert_array_equal(unless_told, euclidean)
+    assert not np.array_equal(unless_told, standardized)
+
+
+def test_the_effective_rank_is_of_all_rows_and_that_of_a_grid_of_its_complete_part():
+    def of_grid(table):
+        return measures.grid_numbers(table, k=(1,))["effective_rank"]["estimate"]
+
+    table, keys = grid(noise=0.1)
+    rank = measures.effective_rank(table)["effective_rank"]
+    assert isinstance(rank, float) and rank == pytest.approx(of_grid(table))
+    # Without one cell the grid lacks its state, and the table no row.
+    state = np.where((keys["state"] == 5) & (keys["distractor"] == 4), -1, keys["state"])
+    holed = measures.Table(table.latents, **{**keys, "state": state})
+    assert measures.effective_rank(holed)["effective_rank"] == rank
+    assert of_grid(holed) != pytest.approx(rank)
+
+
 def test_symmetry_of_reacher():
     rng = np.random.default_rng(0)
     episode, step = np.divmod(np.arange(400), 20)

@@ -111,6 +111,15 @@ fn check_place(output: &std::path::Path) -> anyhow::Result<()> {
     })
 }
 
+/// That an Arrow file can be written at a place that was named, and is called one.
+fn check_arrow_place(output: &std::path::Path) -> anyhow::Result<()> {
+    check_place(output)?;
+    if output.extension().is_some_and(|extension| extension == "arrow") {
+        return Ok(());
+    }
+    Err(TrainError::Options(format!("-o names an Arrow file, which must end in .arrow: {}", output.display())).into())
+}
+
 /// `runs/<recording>-<objective>` beside nothing in particular: in the current folder.
 fn default_run(recording: &std::path::Path, objective: &str) -> PathBuf {
     let absolute = std::path::absolute(recording).unwrap_or_else(|_| recording.to_owned());

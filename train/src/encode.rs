@@ -90,8 +90,17 @@ pub fn encode_rows(
 /// # Errors
 /// Pictures of another size, or actions of another number.
 pub fn check_fit(encoder: TrainedEncoder<'_>, recording: &Recording) -> Result<()> {
+    check_sizes(encoder.task(), encoder.observation(), encoder.actions(), recording)
+}
+
+/// The same of an encoder that is yet to be made.
+pub(crate) fn check_sizes(
+    task: &str,
+    observation: ObservationKind,
+    actions: usize,
+    recording: &Recording,
+) -> Result<()> {
     let spec = &recording.manifest().spec;
-    let (observation, actions) = (encoder.observation(), encoder.actions());
     let fits = match observation {
         ObservationKind::Pixels { height, width } => {
             spec.pixels.is_some_and(|size| (size.height as usize, size.width as usize) == (height, width))
@@ -108,7 +117,7 @@ pub fn check_fit(encoder: TrainedEncoder<'_>, recording: &Recording) -> Result<(
         spec.observation_len(),
         spec.action.min.len()
     );
-    let wanted = format!("{} with {observation} and {actions} actions", encoder.task());
+    let wanted = format!("{task} with {observation} and {actions} actions");
     Err(TrainError::OtherRecording { found, wanted, path: recording.path().to_owned() })
 }
 

@@ -75,11 +75,11 @@ pub enum TrainError {
         path: PathBuf,
     },
     /// The run to begin from holds another model.
-    #[error("the model there is {found}; this run's is {wanted}; begin from a run of the same task, sizes and objective: {}", path.display())]
+    #[error("the model there has {found}; this run's has {wanted}; begin from a run of the same task, sizes and objective: {}", path.display())]
     OtherModel {
-        /// The model found.
+        /// What differs, as it was found.
         found: String,
-        /// The model wanted.
+        /// What differs, as it is wanted.
         wanted: String,
         /// The run folder.
         path: PathBuf,

@@ -110,7 +110,7 @@ pub fn evaluate(
 /// The recording does not fit the encoder, or is no grid.
 pub fn check_grid(encoder: TrainedEncoder<'_>, grid: &Recording) -> Result<()> {
     check_fit(encoder, grid)?;
-    check_rows(&Rows::of(std::slice::from_ref(grid), usize::MAX)?, grid)
+    check_is_grid(grid)
 }
 
 /// Whether a grid is new beside the recordings that something is fitted on: none of them under whatever path, and no episode of theirs in a copy. Other views of its states may be among
@@ -134,9 +134,16 @@ pub fn shared_starts(grid: &Recording, training: &[Recording]) -> (usize, usize)
 }
 
 /// That a recording's rows are those of a grid.
+pub(crate) fn check_is_grid(grid: &Recording) -> Result<()> {
+    check_rows(&Rows::of(std::slice::from_ref(grid), usize::MAX)?, grid)
+}
+
 fn check_rows(rows: &Rows, grid: &Recording) -> Result<()> {
     if rows.is_empty() {
         return Err(no_grid("no episodes", grid));
+    }
+    if grid.episodes().iter().all(|entry| entry.cell.is_none()) {
+        return Err(no_grid("episodes without cells", grid));
     }
     Grid::of_complete_part(rows.table(&rows.past_actions())?).map_err(|error| refused(error, grid))?;
     Ok(())

@@ -6,7 +6,7 @@ use serde::Serialize;
 use vibes_data::{Recording, WindowBatch};
 
 use crate::error::Result;
-use crate::evaluate::{EvaluateOptions, GapOptions, Gaps, Report, check_grid, evaluate, gaps};
+use crate::evaluate::{EvaluateOptions, GapOptions, Gaps, Report, check_grid, evaluate, gaps, is_held_out};
 use crate::learners::world::Learner;
 use crate::metrics::Row;
 use crate::options::Options;
@@ -66,6 +66,8 @@ pub struct HeldOut {
 pub struct Evaluation {
     /// Updates made.
     pub update: u64,
+    /// Whether the grid is none of the recordings that are trained on, nor has an episode of theirs.
+    pub is_held_out: bool,
     /// How good the latents are.
     #[serde(flatten)]
     pub report: Report,
@@ -200,7 +202,8 @@ impl Training<'_> {
                     Some(gaps(&learner.model, self.recordings, &held_out.grid, options, self.device)?)
                 }
             };
-            let evaluation = Evaluation { update, report, gaps };
+            let is_held_out = is_held_out(&held_out.grid, self.recordings);
+            let evaluation = Evaluation { update, is_held_out, report, gaps };
             self.session.evaluated(&evaluation)?;
             listen(Event::Evaluated(&evaluation));
         }

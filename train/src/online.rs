@@ -20,7 +20,7 @@ use std::collections::BTreeSet;
 use std::time::Instant;
 
 use burn::tensor::Device;
-use vibes_data::Recording;
+use vibes_data::{EpisodeEntry, Recording};
 use vibes_env::videos::VideoSet;
 
 use crate::error::Result;
@@ -148,18 +148,18 @@ fn given_control_steps(run: &Run, given: &[Recording]) -> Option<u64> {
     let mut recordings = given.to_vec();
     let mut from = run.open_from().ok().flatten();
     while let Some(before) = from {
-        recordings.extend(before.open_recordings().unwrap_or_default());
+        recordings.extend(before.recordings_left());
         from = before.open_from().ok().flatten();
     }
     let mut trajectories = BTreeSet::new();
     for recording in &recordings {
         let repeat = recording.manifest().spec.action_repeat;
-        trajectories.extend(
-            recording
-                .episodes()
-                .iter()
-                .map(|entry| (entry.seed, entry.policy.clone(), entry.episode_return.to_bits(), entry.steps, repeat)),
-        );
+        // What another program recorded has no seeds of its own to tell its trajectories apart by.
+        let is_imported = recording.manifest().options.get("imported").is_some();
+        let own = |entry: &EpisodeEntry| is_imported.then(|| entry.arrow.sha256.clone());
+        trajectories.extend(recording.episodes().iter().map(|entry| {
+            (own(entry), entry.seed, entry.policy.clone(), entry.episode_return.to_bits(), entry.steps, repeat)
+        }));
     }
     let steps: u64 = trajectories.iter().map(|(.., steps, repeat)| u64::from(*steps) * u64::from(*repeat)).sum();
     (steps > 0).then_some(steps)

@@ -1,11 +1,15 @@
 //! Before training: what the recordings hold decides the model, and the run folder is begun or found. In: recordings and options. Out: a run.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
+use serde_json::Value;
 use vibes_data::{RUN_FORMAT, Recording, Spec, WindowSampler, relative_place};
 use vibes_model::{ModelConfig, ObservationKind};
 
+use crate::encode::check_sizes;
 use crate::error::{Result, TrainError};
+use crate::evaluate::check_is_grid;
 use crate::options::Options;
 use crate::run::{Run, RunInfo, versions};
 use crate::settings::Observations;
@@ -60,6 +64,19 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
         versions: versions(),
     };
     Run::create_or_open(path, info)
+}
+
+/// That a run on these recordings can be judged on a grid: to be known before its folder is begun.
+///
+/// # Errors
+/// It is no grid, or of other sizes, or the recordings lack the observations asked for.
+pub fn check_held_out(grid: &Recording, recordings: &[Recording], options: &Options) -> Result<()> {
+    if let Some(first) = recordings.first() {
+        let spec = &first.manifest().spec;
+        let observation = observation_kind(first, options.observations)?;
+        check_sizes(&spec.task, observation, spec.action.min.len(), grid)?;
+    }
+    check_is_grid(grid)
 }
 
 /// That actions can be scaled to −1..1 in single precision, in which a model holds their bounds.
@@ -122,11 +139,31 @@ pub(crate) fn same_model(from: &Path, wanted: &ModelConfig) -> Result<()> {
     let run = Run::open(from)?;
     run.newest_model()?;
     let found = &run.info().model;
-    if *found == (ModelConfig { heads: found.heads.clone(), ..wanted.clone() }) {
+    let wanted = ModelConfig { heads: found.heads.clone(), ..wanted.clone() };
+    if *found == wanted {
         return Ok(());
     }
-    let text = |model: &ModelConfig| serde_json::to_string(model).unwrap_or_default();
-    Err(TrainError::OtherModel { found: text(found), wanted: text(wanted), path: from.to_owned() })
+    let (found, wanted) = differences(found, &wanted);
+    Err(TrainError::OtherModel { found, wanted, path: from.to_owned() })
+}
+
+/// What differs between two models, on either side, as in `latent 32`.
+fn differences(one: &ModelConfig, other: &ModelConfig) -> (String, String) {
+    let [one, other] = [one, other].map(|model| serde_json::to_value(model).unwrap_or_default());
+    let names: BTreeSet<&String> =
+        [&one, &other].iter().filter_map(|model| model.as_object()).flat_map(|m| m.keys()).collect();
+    let differing: Vec<&String> = names.into_iter().filter(|name| one[name.as_str()] != other[name.as_str()]).collect();
+    let text = |model: &Value| {
+        let named = |name: &&String| {
+            let value = &model[name.as_str()];
+            let value = value
+                .as_str()
+                .map_or_else(|| if value.is_null() { "none".into() } else { value.to_string() }, str::to_owned);
+            format!("{} {value}", name.replace('_', " "))
+        };
+        differing.iter().map(named).collect::<Vec<_>>().join(", ")
+    };
+    (text(&one), text(&other))
 }
 
 /// The observations of a recording or a world that are wanted, pictures before vectors; none where it has none.

@@ -187,11 +187,17 @@ impl Run {
     /// # Errors
     /// One of them is neither where it was nor anywhere near the run.
     pub fn open_recordings(&self) -> Result<Vec<Recording>> {
-        let open = |place: &String| {
-            let path = self.folder.find_recording(place).unwrap_or_else(|| self.path().join(place));
-            Ok(Recording::open(&path)?)
-        };
-        self.info.recordings.iter().map(open).collect()
+        self.info.recordings.iter().map(|place| self.open_recording(place)).collect()
+    }
+
+    /// Those of them that are still there.
+    pub fn recordings_left(&self) -> Vec<Recording> {
+        self.info.recordings.iter().filter_map(|place| self.open_recording(place).ok()).collect()
+    }
+
+    fn open_recording(&self, place: &str) -> Result<Recording> {
+        let path = self.folder.find_recording(place).unwrap_or_else(|| self.path().join(place));
+        Ok(Recording::open(&path)?)
     }
 
     /// The run this one goes on from, if it did not begin anew.

@@ -86,7 +86,7 @@ fn a_decoder_draws_what_latents_show_and_leaves_the_run_as_it_is() {
         (["--horizon", "1000"], 1, "long enough"),
         (["--horizon", "18446744073709551615"], 1, "long enough"),
         (["-o", "nowhere/decoded.arrow"], 2, "not there"),
-        (["-o", "same.safetensors"], 2, "weights are to be written there"),
+        (["-o", "same.safetensors"], 2, "must end in .arrow"),
     ] {
         let output =
             vibes_train(folder.path(), &[&["decode", "run", "coins", "--updates", "1000000"][..], &more].concat());
@@ -393,11 +393,24 @@ fn evaluate_on_a_grid_while_training_and_after() {
     assert!(errors(&output).contains("is among the recordings"), "{}", errors(&output));
     let trained = ["offline", "grid", "--eval", "./grid", "--preset", "tiny", "--updates", "1", "-o", "known"];
     assert!(errors(&vibes_train(folder.path(), &trained)).contains("is among the recordings"));
+    let lines = std::fs::read_to_string(folder.path().join("known/evaluations.jsonl")).unwrap();
+    assert!(lines.contains("\"is_held_out\":false"), "{lines}");
+    // What a run was trained on is not held out either where nothing is fitted.
+    let unfitted = ["evaluate", "known", "copy", "--probe-episodes", "0", "--gap-updates", "0", "--json"];
+    let output = vibes_train(folder.path(), &unfitted);
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(found["is_held_out"], false, "{}", errors(&output));
     // A recording that is no grid cannot be evaluated on.
     synthetic::recording(&folder.path().join("plain"), synthetic::SIDE, 3, 40, false);
     let output = vibes_train(folder.path(), &["evaluate", "run", "plain"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(errors(&output).contains("two distractors"), "{}", errors(&output));
+    let output =
+        vibes_train(folder.path(), &["offline", "coins", "--eval", "plain", "--preset", "tiny", "-o", "judged"]);
+    assert!(errors(&output).contains("two distractors"), "{}", errors(&output));
+    assert!(!folder.path().join("judged").exists(), "no run is begun that cannot be judged");
+    let output = vibes_train(folder.path(), &["encode", "run", "grid", "-o", "latents.csv"]);
+    assert!(errors(&output).contains("must end in .arrow"), "{}", errors(&output));
 }
 
 #[test]

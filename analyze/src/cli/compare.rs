@@ -3,11 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
+use vibes_data::{Latents, is_same_place};
 
 use super::invariance::{Named, ends, named, past_actions, table, text, write_intervals};
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Bar, BarGroup, Bars, Figure};
+use crate::input::{differ, find_recording};
 use vibes_measure::intervals::Interval;
 use vibes_measure::invariance::{Dropped, Grid};
 use vibes_measure::neighbours::{Exclude, Metric, Neighbours, Space, nearest};
@@ -86,13 +88,17 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         sessions.push(Session::open(&input, globals, "compare", json!({ "tables": options.tables }))?);
     }
     same_rows(&sessions)?;
-    let names: Vec<String> = sessions.iter().map(|session| names(&sessions, session)).collect();
+    let names = names(&sessions.iter().map(|session| session.path.clone()).collect::<Vec<_>>());
+    let others = sessions.iter().zip(&names).skip(1);
+    let first = (&sessions[0], names[0].as_str());
+    let of_two: Vec<String> =
+        others.filter_map(|(other, name)| two_recordings(first, (other, name.as_str()))).collect();
     let rows = sessions.iter_mut().zip(&names).map(|(session, name)| measure(session, name));
     let rows = rows.collect::<anyhow::Result<Vec<_>>>()?;
     let remarks: Vec<String> = sessions[1..].iter_mut().flat_map(|s| std::mem::take(&mut s.outcome.remarks)).collect();
     let agreement: Vec<f64> = rows.iter().map(|r| rows[0].near.shared_with(&r.near)).collect();
     let mut session = sessions.remove(0);
-    for remark in remarks {
+    for remark in of_two.into_iter().chain(remarks) {
         if !session.outcome.remarks.contains(&remark) {
             session.remark(remark);
         }
@@ -119,11 +125,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
 fn same_rows(sessions: &[Session]) -> anyhow::Result<()> {
     let first = &sessions[0];
     for other in &sessions[1..] {
-        if other.latents.episode != first.latents.episode || other.latents.step != first.latents.step {
+        if let Some(fact) = difference(&first.latents, &other.latents) {
             return Err(wrong(format!(
-                "these latents are not of the same rows ({} and {}); encode the same recording with each run: {} and {}",
-                first.latents.len(),
-                other.latents.len(),
+                "these latents are not of the same rows ({fact}); encode the same recording with each run: {} and {}",
                 first.path.display(),
                 other.path.display()
             )));
@@ -132,23 +136,63 @@ fn same_rows(sessions: &[Session]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A short name for a table: its folder's; where two are the same its file's too, and as many folders more as it takes.
-fn names(sessions: &[Session], one: &Session) -> String {
-    let parts = |session: &Session| -> Vec<String> {
-        let whole = std::path::absolute(&session.path).unwrap_or_else(|_e| session.path.clone()).with_extension("");
+/// How the rows of two tables differ: in number or order, or in what both say of one row. Recordings may have the same episodes and steps and nothing else in common.
+fn difference(a: &Latents, b: &Latents) -> Option<String> {
+    if a.episode != b.episode || a.step != b.step {
+        return Some(format!("{} and {}", a.len(), b.len()));
+    }
+    let of_row = |row: usize| {
+        let of_cells = |name: &str, a: Option<u32>, b: Option<u32>| {
+            a.zip(b).filter(|(a, b)| a != b).map(|(a, b)| format!("{name} {a} and {b}"))
+        };
+        let of_rewards = || {
+            a.reward[row].zip(b.reward[row]).filter(|(a, b)| differ(*a, *b)).map(|(a, b)| format!("reward {a} and {b}"))
+        };
+        of_cells("state", a.state[row], b.state[row])
+            .or_else(|| of_cells("distractor", a.distractor[row], b.distractor[row]))
+            .or_else(of_rewards)
+            .map(|fact| format!("{fact} at step {} of episode {}", a.step[row], a.episode[row]))
+    };
+    (0..a.len()).find_map(of_row)
+}
+
+/// That two tables with the same rows name two recordings, as where one was drawn anew from the other.
+fn two_recordings((one, name): (&Session, &str), (other, other_name): (&Session, &str)) -> Option<String> {
+    let named = |session: &Session| session.latents.source.recording.clone();
+    let (recording, other_recording) = named(one).zip(named(other))?;
+    let found = find_recording(&recording, &one.path).zip(find_recording(&other_recording, &other.path));
+    let is_one = match &found {
+        Some((found, other_found)) => is_same_place(found, other_found),
+        // Recordings that are gone are known by their names alone; the way to them depends on where the latents lie.
+        None => Path::new(&recording).file_name() == Path::new(&other_recording).file_name(),
+    };
+    (!is_one).then(|| {
+        format!("{name} was encoded from {recording} and {other_name} from {other_recording}, whose rows have the same keys, cells and rewards")
+    })
+}
+
+/// Short names of tables: a table's folder's; where two are the same its file's too, and as many folders more as it takes.
+pub(super) fn names(tables: &[PathBuf]) -> Vec<String> {
+    let parts = |table: &PathBuf| -> Vec<String> {
+        let whole = std::path::absolute(table).unwrap_or_else(|_e| table.clone()).with_extension("");
         whole.iter().map(|part| part.to_string_lossy().into_owned()).collect()
     };
-    let mine = parts(one);
+    let all: Vec<Vec<String>> = tables.iter().map(parts).collect();
+    all.iter().map(|mine| name(&all, mine)).collect()
+}
+
+/// The name of one table by the parts of its path, among those of all.
+fn name(all: &[Vec<String>], mine: &[String]) -> String {
     let folder = |parts: &[String]| parts.iter().rev().nth(1).cloned().unwrap_or_default();
     let is_alone = |name: &dyn Fn(&[String]) -> String| {
-        sessions.iter().filter(|session| name(&parts(session)) == name(&mine)).count() <= 1
+        all.iter().filter(|parts| name(parts.as_slice()) == name(mine)).count() <= 1
     };
     if is_alone(&folder) {
-        return folder(&mine);
+        return folder(mine);
     }
     let last = |parts: &[String], count: usize| parts[parts.len().saturating_sub(count)..].join("/");
     let enough = (2..=mine.len()).find(|&count| is_alone(&|parts| last(parts, count)));
-    last(&mine, enough.unwrap_or(mine.len()))
+    last(mine, enough.unwrap_or(mine.len()))
 }
 
 fn measure(session: &mut Session, name: &str) -> anyhow::Result<Row> {
@@ -203,4 +247,44 @@ fn draw(session: &Session, rows: &[Row], agreement: &[f64]) -> Bars {
         bars: rows.iter().zip(agreement).map(bar).collect(),
     });
     Bars { heading: session.heading("Latents of one recording side by side"), groups }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn latents() -> Latents {
+        Latents {
+            episode: vec![0, 0, 1],
+            step: vec![0, 1, 0],
+            state: vec![Some(0), Some(0), None],
+            distractor: vec![Some(2), Some(2), None],
+            reward: vec![Some(0.5), None, Some(1.0)],
+            ..Latents::default()
+        }
+    }
+
+    #[test]
+    fn tables_of_two_recordings_are_told_apart_by_cells_and_rewards() {
+        let of = |change: &dyn Fn(&mut Latents)| {
+            let mut other = latents();
+            change(&mut other);
+            difference(&latents(), &other)
+        };
+        assert_eq!(of(&|_| {}), None);
+        assert_eq!(of(&|l| l.step[2] = 7), Some("3 and 3".into()));
+        assert_eq!(of(&|l| l.state[1] = Some(1)), Some("state 0 and 1 at step 1 of episode 0".into()));
+        assert_eq!(of(&|l| l.distractor[0] = Some(0)), Some("distractor 2 and 0 at step 0 of episode 0".into()));
+        assert_eq!(of(&|l| l.reward[2] = Some(0.25)), Some("reward 1 and 0.25 at step 0 of episode 1".into()));
+        // What one of them does not say, and what rounding makes of a reward, is no difference.
+        assert_eq!(of(&|l| (l.state[0], l.reward[0], l.reward[2]) = (None, None, Some(1.0001))), None);
+    }
+
+    #[test]
+    fn a_table_is_named_by_its_folder_and_by_more_where_that_is_not_enough() {
+        let of = |paths: &[&str]| names(&paths.iter().map(PathBuf::from).collect::<Vec<_>>());
+        assert_eq!(of(&["/runs/weight=0.03/latents.arrow", "/runs/b/latents.arrow"]), ["weight=0.03", "b"]);
+        assert_eq!(of(&["/runs/b/latents.arrow", "/runs/b/later.arrow"]), ["b/latents", "b/later"]);
+        assert_eq!(of(&["/x/run/latents.arrow", "/y/run/latents.arrow"]), ["x/run/latents", "y/run/latents"]);
+    }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use serde_json::json;
 
-use super::{Globals, Outcome, say, wrong};
+use super::{Globals, Outcome, distinct_places, say, wrong};
 use crate::curves::{CurvePoint, mean_curve};
 use crate::figures::{Curve, Curves, Entry, Facet, Figure, Heading, Table};
 use crate::input::{Run, Series, choices};
@@ -60,6 +60,7 @@ enum By {
 }
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
+    distinct_places(&options.runs)?;
     let runs = options.runs.iter().map(|path| Run::read(path)).collect::<Result<Vec<_>, _>>()?;
     let clocks: BTreeSet<&str> = runs.iter().map(|run| run.clock.as_str()).collect();
     if clocks.len() > 1 {
@@ -115,7 +116,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     output::write_json(&path, &document)?;
     files.push(path);
     let broken: usize = runs.iter().map(|r| r.broken_lines).sum();
-    let mut remarks = Vec::new();
+    let mut remarks: Vec<String> = runs.iter().flat_map(Run::remarks).collect();
     if broken > 0 {
         remarks.push(format!("{broken} lines of metrics could not be read and were left out"));
     }
@@ -139,7 +140,7 @@ fn known<'r>(name: &str, runs: &'r [Run]) -> anyhow::Result<&'r str> {
     if let Some(full) = runs.iter().find_map(|run| run.full_name(name)) {
         return Ok(full);
     }
-    let there = choices(name, runs.iter().flat_map(|run| run.series.keys()).map(String::as_str));
+    let there = choices(name, runs.iter().flat_map(Run::names));
     Err(wrong(format!("no run has the metric {name}, choose among {there}")))
 }
 
@@ -147,6 +148,9 @@ fn known<'r>(name: &str, runs: &'r [Run]) -> anyhow::Result<&'r str> {
 fn metrics(options: &Options, runs: &[Run]) -> anyhow::Result<Vec<Metric>> {
     let there: BTreeSet<&str> = runs.iter().flat_map(|r| r.series.keys()).map(String::as_str).collect();
     let mut chosen: Vec<&str> = options.metrics.iter().map(|name| known(name, runs)).collect::<anyhow::Result<_>>()?;
+    // Two names may be of one metric.
+    let mut seen = BTreeSet::new();
+    chosen.retain(|name| seen.insert(*name));
     if chosen.is_empty() {
         chosen = Metric::known().filter(|name| there.contains(name)).collect();
     }
@@ -282,7 +286,7 @@ fn foot(compared: bool, line: &str) -> String {
     } else {
         String::new()
     };
-    format!("last evaluation, else mean of the last tenth{marks}")
+    format!("`vibes-train evaluate`, else last evaluation, else mean of the last tenth{marks}")
 }
 
 /// Where training ended: groups x tasks, the form of the paper's Table 1, with the mean over tasks where there are several.

@@ -7,6 +7,7 @@ use anyhow::Context;
 use serde_json::json;
 use vibes_data::{Decoded, DecodedRow, relative_place};
 
+use super::compare::names;
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Figure, Heading, Strip, StripLine, Strips};
 use crate::output;
@@ -56,7 +57,10 @@ pub(super) fn decoded_path(run: &Path) -> PathBuf {
 }
 
 pub(super) fn run(options: &Options, _globals: &Globals) -> anyhow::Result<Outcome> {
-    let sources = options.runs.iter().map(|run| open(run)).collect::<anyhow::Result<Vec<_>>>()?;
+    let opened =
+        |(name, run): (String, &PathBuf)| -> anyhow::Result<Source> { Ok(Source { name, decoded: open(run)? }) };
+    let files: Vec<PathBuf> = options.runs.iter().map(|run| decoded_path(run)).collect();
+    let sources = names(&files).into_iter().zip(&options.runs).map(opened).collect::<anyhow::Result<Vec<_>>>()?;
     let drawn = figure(options, &sources)?;
     let count = drawn.strips.len();
     let folder =
@@ -87,7 +91,7 @@ pub(super) fn run(options: &Options, _globals: &Globals) -> anyhow::Result<Outco
     Ok(Outcome { line, remarks: Vec::new(), files, json: document })
 }
 
-fn open(run: &Path) -> anyhow::Result<Source> {
+fn open(run: &Path) -> anyhow::Result<Decoded> {
     let path = decoded_path(run);
     if !path.is_file() {
         return Err(wrong(format!(
@@ -96,9 +100,7 @@ fn open(run: &Path) -> anyhow::Result<Source> {
             path.display()
         )));
     }
-    let whole = std::path::absolute(run).unwrap_or_else(|_| run.to_path_buf());
-    let name = whole.file_stem().map_or_else(|| run.display().to_string(), |name| name.to_string_lossy().into_owned());
-    Ok(Source { name, decoded: Decoded::read(&path)? })
+    Ok(Decoded::read(&path)?)
 }
 
 /// The strips that all runs have.
@@ -114,17 +116,16 @@ fn figure(options: &Options, sources: &[Source]) -> anyhow::Result<Strips> {
         let recorded = rows.iter().map(|row| picture(first.size, &row.recorded)).collect();
         let mut lines = vec![StripLine { name: "recorded".into(), pictures: recorded }];
         for source in sources {
-            let same = |row: &&DecodedRow| {
-                source
-                    .decoded
-                    .rows
-                    .iter()
-                    .find(|other| (other.episode, other.step, other.start) == (row.episode, row.step, row.start))
+            // Two recordings number their episodes alike: only the pictures say that a row is the same.
+            let is_same = |row: &DecodedRow, other: &DecodedRow| {
+                (other.episode, other.step, other.start) == (row.episode, row.step, row.start)
+                    && other.recorded == row.recorded
             };
+            let same = |row: &&DecodedRow| source.decoded.rows.iter().find(|other| is_same(row, other));
             let own: Vec<Option<&DecodedRow>> = rows.iter().map(same).collect();
             if own.iter().any(Option::is_none) {
                 return Err(wrong(format!(
-                    "the runs show different rows; decode them with the same recording (--show) and the same options: {}",
+                    "the runs show different rows or recordings; decode them with the same recording (--show) and the same options: {}",
                     source.name
                 )));
             }
@@ -145,4 +146,31 @@ fn figure(options: &Options, sources: &[Source]) -> anyhow::Result<Strips> {
     let heading = Heading::new("What the latents show of the pictures").with_note(options.note.clone());
     let foot = "shown: a decoder's picture of the latent; predicted: from the line on, of latents that the dynamics predict under the recorded actions alone";
     Ok(Strips { heading, strips, foot: foot.into() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn source(name: &str, shade: u8) -> Source {
+        let row = |step: u32| DecodedRow {
+            episode: 1,
+            step,
+            start: 1,
+            recorded: vec![shade; 12],
+            shown: vec![9; 12],
+            ..DecodedRow::default()
+        };
+        let decoded = Decoded { size: (2, 2), rows: (0..3).map(row).collect(), ..Decoded::default() };
+        Source { name: name.into(), decoded }
+    }
+
+    #[test]
+    fn runs_decoded_from_two_recordings_are_not_drawn_under_the_frames_of_one() {
+        let options = Options::of(&[], Path::new("figures"), None);
+        let drawn = figure(&options, &[source("a", 200), source("b", 200)]).expect("strips");
+        assert_eq!((drawn.strips.len(), drawn.strips[0].lines.len()), (1, 5));
+        let fault = figure(&options, &[source("a", 200), source("b", 201)]).expect_err("another recording").to_string();
+        assert!(fault.contains("decode them with the same recording") && fault.ends_with(": b"), "{fault}");
+    }
 }

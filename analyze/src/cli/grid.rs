@@ -97,11 +97,15 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let made = options.map.map(&mut session, globals)?;
     let panels = panels(&session, &states, &distractors);
     let holes = states.len() * distractors.len() - panels.len();
+    // Of a cell without rows that are chosen, nothing here says whether it was recorded.
+    let (absent, fact) = if session.chooses_rows() {
+        ("not chosen", "have no row that --where chooses")
+    } else {
+        ("not recorded", "were not recorded")
+    };
     if holes > 0 {
-        session.remark(format!(
-            "{holes} of {} cells were not recorded and are drawn as such",
-            states.len() * distractors.len()
-        ));
+        let cells = states.len() * distractors.len();
+        session.remark(format!("{holes} of {cells} cells {fact} and are drawn as such"));
     }
     let line = format!(
         "grid: {} of {} state x {} of {} distractor trajectories on a map with {}",
@@ -116,7 +120,16 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let heading = session.heading("One trajectory a panel, over all latents");
     // Points of an old map that this one was placed on belong to the grey ones.
     let points = [made.points(), made.backdrop()].concat();
-    let figure = Panels { heading, points, states: states.clone(), distractors: distractors.clone(), panels, coloring };
+    let figure = Panels {
+        heading,
+        points,
+        states: states.clone(),
+        distractors: distractors.clone(),
+        panels,
+        absent,
+        steps: session.latents.step.clone(),
+        coloring,
+    };
     session.save(&Figure::Panels(figure), "grid")?;
     session.write_json("grid", &json!({ "states": states, "distractors": distractors, "cells": keys, "holes": holes, "quality": made.quality }))?;
     Ok(session.finish(line))

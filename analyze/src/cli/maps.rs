@@ -196,6 +196,9 @@ impl MapOptions {
                 path.display()
             )));
         }
+        if let Some(old) = &old {
+            session.move_to(&old.origin);
+        }
         let recipe = json!({
             "options": relative_paths(self.json(), &session.out), "seed": session.seed, "latents": checksum(&session.latents), "onto": old.as_ref().map(OldMap::checksum),
         })

@@ -3,6 +3,7 @@
 mod rows;
 mod shown;
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
@@ -11,7 +12,7 @@ use vibes_data::relative_place;
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::figures::Figure;
-use crate::input::{Asked, Frames, ReadLatents, UserColumn, find_recording, read_asked};
+use crate::input::{Asked, Frames, ReadLatents, UserColumn, find_recording, read_beside};
 use rows::{Opened, Rows, usable};
 use shown::{DISTRACTORS, Shown, TARGETS, TASK, section};
 use vibes_measure::episodes::PROBE_EPISODES;
@@ -186,7 +187,7 @@ fn open_to_fit(options: &Options, at: usize, judged: &Opened, session: &mut Sess
     let is_number = |column: &&(String, UserColumn)| matches!(column.1, UserColumn::Numbers(_));
     let numbers: Vec<String> = judged.columns.iter().filter(is_number).map(|column| column.0.clone()).collect();
     let asked = Asked { rows: None, joins: options.joins_of(at), columns: numbers };
-    let ReadLatents { latents, columns, remarks } = read_asked(path, &asked)?;
+    let ReadLatents { latents, columns, remarks } = read_beside(path, &asked, &session.origin)?;
     remarks.into_iter().for_each(|remark| session.remark(format!("to fit on: {remark}")));
     if let Some((name, _)) = columns.iter().find(|column| !is_number(column)) {
         return Err(wrong(format!(
@@ -221,7 +222,20 @@ fn open_to_fit(options: &Options, at: usize, judged: &Opened, session: &mut Sess
             path.display()
         )));
     }
+    if !files(&opened).is_disjoint(&files(judged)) {
+        session.remark(format!(
+            "an episode that is judged is among those to fit on, so that the numbers say nothing of new episodes: {}",
+            path.display()
+        ));
+    }
     Ok(opened)
+}
+
+/// What the files of the episodes hold that the latents are of, by their checksums, which know a copy.
+fn files(opened: &Opened) -> HashSet<&str> {
+    let encoded: HashSet<u32> = opened.latents.episode.iter().copied().collect();
+    let episodes = opened.frames.recording().episodes().iter();
+    episodes.filter(|entry| encoded.contains(&entry.index)).map(|entry| entry.arrow.sha256.as_str()).collect()
 }
 
 /// What is read: the quantities that vary with the section of each, and their values in the rows to fit on, which are empty without --fit.

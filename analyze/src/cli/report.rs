@@ -9,13 +9,15 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use serde_json::{Value, json};
+use vibes_data::{RunFolder, find_place, is_same_place};
 
 use super::maps::MapOptions;
 use super::session::{Input, Session};
 use super::{
-    Globals, Outcome, clusters, compare, curves, decode, grid, invariance, nn, probe, say, symmetry, umap, wrong,
+    Globals, Outcome, clusters, compare, curves, decode, distinct_places, grid, invariance, nn, probe, say, symmetry,
+    umap, wrong,
 };
-use crate::input::Run;
+use crate::input::{InputError, Run};
 use crate::report::{Chapter, Page, Section, Shown, write};
 use maps::live_map;
 use verdict::{Known, verdict};
@@ -67,6 +69,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     if options.runs.len() > 1 && !options.fit.is_empty() {
         return Err(wrong("--fit names latents of one model, and these are several runs; write a report of each"));
     }
+    distinct_places(&options.runs)?;
     let inputs: Vec<Option<&Path>> =
         if options.runs.is_empty() { vec![None] } else { options.runs.iter().map(|r| Some(r.as_path())).collect() };
     let mut page = Page { note: options.note.clone(), ..Page::default() };
@@ -77,16 +80,18 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         let title = distinct(&name(&session.path), known.iter().map(|known| known.name.as_str()));
         let folder = if options.runs.len() > 1 { whole.join(&title) } else { whole };
         task = task.or(session.frames()?.map(|frames| frames.recording().manifest().spec.task.clone()));
-        let run =
-            Run::read(input.filter(|path| path.is_dir()).unwrap_or(session.path.parent().unwrap_or(Path::new("."))));
+        let of = input.filter(|path| path.is_dir()).unwrap_or(session.path.parent().unwrap_or(Path::new(".")));
+        page.remarks.extend(older_latents(session.latents.source.checkpoint.as_deref(), &session.path, of));
+        let run = read_run(of, &title, &mut page.remarks);
         let (chapter, documents) = chapter(options, globals, session, (title, &folder), &mut page)?;
-        known.push(Known { name: chapter.title.clone(), documents, run: run.ok() });
+        known.push(Known { name: chapter.title.clone(), documents, run });
         page.chapters.push(chapter);
     }
     let out = out.unwrap_or_default();
     if options.runs.len() > 1 {
         page.chapters.push(side_by_side(options, globals, &out));
     }
+    // Why one cannot be read is among the remarks.
     let runs: Vec<PathBuf> = options.runs.iter().filter(|r| Run::read(r).is_ok()).cloned().collect();
     if !runs.is_empty() {
         page.chapters.push(training(options, globals, runs, &out));
@@ -109,7 +114,37 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         html.len() as f64 / 1e6
     );
     let json = json!({ "report": path, "figures": figures, "bytes": html.len() });
-    Ok(Outcome { line, remarks: Vec::new(), files: vec![path], json })
+    Ok(Outcome { line, remarks: page.remarks, files: vec![path], json })
+}
+
+/// The run that latents lie in, with what must be known of it; none where they lie in no run, or in one that cannot be read.
+fn read_run(folder: &Path, name: &str, remarks: &mut Vec<String>) -> Option<Run> {
+    match Run::read(folder) {
+        Ok(run) => {
+            remarks.extend(run.remarks());
+            Some(run)
+        }
+        Err(InputError::NoRun { .. }) => None,
+        Err(error) => {
+            remarks.push(format!(
+                "{name} is shown without returns, gaps and curves, since its run cannot be read: {error}"
+            ));
+            None
+        }
+    }
+}
+
+/// That latents are of an older checkpoint than the run's newest one, which its returns, gaps and curves on the same page may be of.
+fn older_latents(checkpoint: Option<&str>, latents: &Path, run: &Path) -> Option<String> {
+    let checkpoints = RunFolder::at(run).checkpoint_folders();
+    let encoded = find_place(checkpoint?, latents.parent()?, Path::is_file)?;
+    let own = checkpoints.iter().find(|(_, folder)| encoded.parent().is_some_and(|of| is_same_place(of, folder)))?;
+    let newest = checkpoints.last().filter(|newest| newest.0 > own.0)?;
+    let (run, latents) = (RunFolder::at(run).name(), latents.file_name()?.to_string_lossy());
+    Some(format!(
+        "{run}/{latents} was encoded after {} updates, and the run has gone on to {}: returns, gaps and curves here are newer than what is said of the latents; `vibes-train encode` makes new ones",
+        own.0, newest.0
+    ))
 }
 
 fn source(options: &Options, input: Option<&Path>) -> Input {
@@ -120,9 +155,9 @@ fn source(options: &Options, input: Option<&Path>) -> Input {
 
 /// The name of the folder that latents lie in, with their own unless it is `latents`: a run may hold several tables.
 fn name(latents: &Path) -> String {
-    let stem = |p: &Path| p.file_stem().map(|n| n.to_string_lossy().into_owned());
-    let own = stem(latents).unwrap_or_else(|| "latents".into());
-    match latents.parent().and_then(stem) {
+    let own = latents.file_stem().map_or_else(|| "latents".into(), |name| name.to_string_lossy().into_owned());
+    // A folder's name has no ending: what stands behind its last dot may be all that tells it from others.
+    match latents.parent().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned()) {
         Some(folder) if own == "latents" => folder,
         Some(folder) => format!("{folder}-{own}"),
         None => own,
@@ -258,4 +293,48 @@ fn training(options: &Options, globals: &Globals, runs: Vec<PathBuf>, out: &Path
     let origin = shown_names(&runs);
     let curves = curves::run(&curves::Options::of(runs, out, options.note.as_deref()), &SILENT);
     Chapter { title: "Training".into(), origin, sections: vec![answer(curves, section).0] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_keeps_all_of_its_name() {
+        assert_eq!(name(Path::new("runs/dynamics_weight=0.03,seed=0/latents.arrow")), "dynamics_weight=0.03,seed=0");
+        assert_eq!(name(Path::new("runs/v1.5/latents-grid.arrow")), "v1.5-latents-grid");
+        assert_eq!(name(Path::new("later.arrow")), "later");
+    }
+
+    #[test]
+    fn a_run_that_cannot_be_read_is_said_to_be_left_out() {
+        let run = tempfile::tempdir().expect("folder");
+        let mut remarks = Vec::new();
+        assert!(read_run(run.path(), "mine", &mut remarks).is_none() && remarks.is_empty(), "no run: {remarks:?}");
+        std::fs::write(run.path().join("metrics.jsonl"), "{\"update\":10,\"loss\":2.5}\n").expect("metrics");
+        assert!(read_run(run.path(), "mine", &mut remarks).is_some() && remarks.is_empty(), "{remarks:?}");
+        std::fs::write(run.path().join("evaluation.json"), "{\"report\":").expect("evaluation");
+        assert!(read_run(run.path(), "mine", &mut remarks).is_none());
+        assert!(
+            remarks[0].starts_with("mine is shown without") && remarks[0].contains("evaluation.json"),
+            "{remarks:?}"
+        );
+    }
+
+    #[test]
+    fn latents_of_an_older_checkpoint_are_said_to_be() {
+        let run = tempfile::tempdir().expect("folder");
+        for update in ["000010", "000020"] {
+            let folder = run.path().join("checkpoints").join(update);
+            std::fs::create_dir_all(&folder).expect("folder");
+            std::fs::write(folder.join("model.safetensors"), "weights").expect("file");
+        }
+        let latents = run.path().join("latents.arrow");
+        let of = |update: &str| {
+            older_latents(Some(&format!("checkpoints/{update}/model.safetensors")), &latents, run.path())
+        };
+        let said = of("000010").expect("remark");
+        assert!(said.contains("after 10 updates, and the run has gone on to 20"), "{said}");
+        assert_eq!((of("000020"), of("000030"), older_latents(None, &latents, run.path())), (None, None, None));
+    }
 }

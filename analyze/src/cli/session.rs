@@ -12,7 +12,8 @@ use vibes_data::{Latents, relative_place};
 use super::{Globals, Outcome, say, wrong};
 use crate::figures::{Figure, Heading};
 use crate::input::{
-    Asked, Frames, InputError, ReadLatents, RowsError, UserColumn, find_recording, newest_latents, read_asked,
+    Asked, Frames, InputError, MOVED, Origin, ReadLatents, RowsError, UserColumn, find_recording, newest_latents,
+    read_with_origin,
 };
 use crate::output;
 use crate::output::Column;
@@ -123,6 +124,8 @@ impl TableInput {
 #[derive(Debug)]
 pub(super) struct Session {
     pub(super) latents: Latents,
+    /// What was taken away from the latents, which others that they are compared with must lack, too.
+    pub(super) origin: Origin,
     pub(super) path: PathBuf,
     pub(super) out: PathBuf,
     pub(super) seed: u64,
@@ -157,7 +160,7 @@ impl Session {
                 " (the newest; name others with --latents)",
             ),
         };
-        let ReadLatents { latents, columns, remarks } = read_asked(&path, &table.asked(columns)?)?;
+        let (ReadLatents { latents, columns, remarks }, origin) = read_with_origin(&path, &table.asked(columns)?)?;
         say(
             globals,
             format_args!("latents: {}{how}, {} rows of {} dimensions", path.display(), latents.len(), latents.dims),
@@ -173,7 +176,8 @@ impl Session {
             "join": table.join.iter().map(place).collect::<Vec<_>>(), "recording": input.recording.as_ref().map(place), "no_frames": input.no_frames,
         });
         let outcome = Outcome { remarks, ..Outcome::default() };
-        let session = Self { latents, path, out, seed: table.seed, outcome, columns, input: input.clone(), about };
+        let (seed, input) = (table.seed, input.clone());
+        let session = Self { latents, origin, path, out, seed, outcome, columns, input, about };
         session.table().with_context(|| format!("these latents cannot be analysed: {}", session.path.display()))?;
         std::fs::create_dir_all(&session.out)
             .with_context(|| format!("cannot create the folder {}", session.out.display()))?;
@@ -223,6 +227,20 @@ impl Session {
     /// The user's note.
     pub(super) fn note(&self) -> Option<&str> {
         self.input.table.note.as_deref()
+    }
+
+    /// Puts the latents about the origin of others, which they are placed among.
+    pub(super) fn move_to(&mut self, others: &Origin) {
+        if self.origin != *others {
+            self.origin.move_to(others, &mut self.latents);
+            self.origin = others.clone();
+            self.remark(MOVED);
+        }
+    }
+
+    /// Whether the user asked for some of the rows only.
+    pub(super) fn chooses_rows(&self) -> bool {
+        self.input.table.rows.is_some()
     }
 
     /// Whether the user asked to go on without the recording.

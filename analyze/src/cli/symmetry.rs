@@ -14,7 +14,7 @@ use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::actions::action_features;
 use crate::figures::{Bar, BarGroup, Bars, Figure, NeighbourSheet, SheetColumn, Thumb};
-use crate::input::{Frames, find_recording, read_latents};
+use crate::input::{Asked, Frames, Origin, find_recording, read_beside};
 use crate::output::Column;
 use vibes_measure::Table;
 use vibes_measure::intervals::Interval;
@@ -84,7 +84,8 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let pairs = match &options.rotated {
         None => rotated_pairs(&rows.table()?, &all_states, asked, &mut rng)?,
         Some(path) => {
-            rows.append_rotated(path, options.rotated_recording.as_deref(), &mut all_states, asked, &mut rng)?
+            let turned = (path.as_path(), options.rotated_recording.as_deref());
+            rows.append_rotated(turned, &session.origin, &mut all_states, asked, &mut rng)?
         }
     };
     let table = rows.table()?;
@@ -197,13 +198,14 @@ impl Rows {
     /// Adds the rotated latents and pairs every row, or as many as are asked for, with its own rotation.
     fn append_rotated(
         &mut self,
-        path: &Path,
-        recording: Option<&Path>,
+        (path, recording): (&Path, Option<&Path>),
+        origin: &Origin,
         all_states: &mut Vec<ReacherState>,
         options: SymmetryOptions,
         rng: &mut impl Rng,
     ) -> anyhow::Result<Vec<(usize, usize)>> {
-        let turned = read_latents(path)?;
+        // Distances between the two tables are measured, which must be about one origin.
+        let turned = read_beside(path, &Asked::default(), origin)?.latents;
         let l = &mut self.latents;
         if turned.dims != l.dims {
             return Err(wrong(format!(

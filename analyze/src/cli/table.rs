@@ -1,13 +1,13 @@
 //! `table`: numbers of many runs in the form of the paper's Table 1.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use serde_json::json;
 
-use super::{Globals, Outcome, wrong};
+use super::{Globals, Outcome, distinct_places, wrong};
 use crate::figures::{Entry, Figure, Heading, Table};
 use crate::input::{Cell, Results, Rows, RowsError, choices};
 use crate::metrics::{Metric, RETURNS};
@@ -16,7 +16,7 @@ use crate::scores::{Mark, RunScore, ScoreTable, Style, score_table};
 
 /// Write a table over runs: mean and 95% interval of any metric, by any keys.
 ///
-/// The best of each column is bold, and those whose interval overlaps with its are underlined. A run's metric is that of its last evaluation, else the mean of its last tenth. Keys are what run.json holds (`objective`, `task`, `seed`, or in full `options.model.latent`) and `run`,
+/// The best of each column is bold, and those whose interval overlaps with its are underlined. A run's metric is that of `vibes-train evaluate` of the newest checkpoint that it judged, else of its last evaluation, else the mean of its last tenth. Keys are what run.json holds (`objective`, `task`, `seed`, or in full `options.model.latent`) and `run`,
 /// the folder's name; of a table of results they are its columns. Written as Markdown, LaTeX, CSV, Parquet and as a figure.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
@@ -51,6 +51,7 @@ const DRAWN: usize = 200;
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
     let rows = options.rows.as_deref().map(str::parse).transpose().map_err(|e: RowsError| wrong(e.to_string()))?;
+    distinct_places(&options.runs)?;
     let results = Results::open(&options.runs)?;
     let metrics = metrics(options, &results)?;
     let by = if options.by.is_empty() { vec![usual_key(&results)] } else { options.by.clone() };
@@ -68,7 +69,11 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         _ => "Mean and 95% interval over runs".into(),
     };
     let heading = Heading::new(title).with_note(options.note.clone());
-    let of = if results.are_runs() { "last evaluation, else mean of the last tenth; " } else { "" };
+    let of = if results.are_runs() {
+        "`vibes-train evaluate`, else last evaluation, else mean of the last tenth; "
+    } else {
+        ""
+    };
     let document = output::document(
         &json!({
             "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "table", "by": by, "where": options.rows,
@@ -80,7 +85,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let path = out.join("table.json");
     output::write_json(&path, &document)?;
     files.push(path);
-    let mut remarks = Vec::new();
+    let mut remarks = results.remarks();
     if !without.is_empty() {
         let lack: Vec<String> = without.iter().map(|(method, count)| format!("{count} of {method}")).collect();
         remarks.push(format!(
@@ -113,8 +118,10 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
 fn metrics(options: &Options, results: &Results) -> anyhow::Result<Vec<Metric>> {
     let names = results.names();
     let returns = || RETURNS.into_iter().find(|name| names.contains(*name)).map(String::from);
+    let mut seen = BTreeSet::new();
     let chosen: Vec<String> = match &options.metrics {
-        asked if !asked.is_empty() => asked.clone(),
+        // Named twice, each run would count twice in the metric's column.
+        asked if !asked.is_empty() => asked.iter().filter(|name| seen.insert(name.as_str())).cloned().collect(),
         _ => match returns() {
             Some(name) => vec![name],
             None => Metric::known().filter(|name| names.contains(*name)).map(String::from).collect(),

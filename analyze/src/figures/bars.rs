@@ -5,7 +5,7 @@ use plotters::prelude::{Color as _, Rectangle};
 use super::axes::{Axes, Chart, Drawn, chart, reference, rgba, whisker};
 use super::heading::Heading;
 use crate::picture::color::{FAINT, INK, kind};
-use crate::picture::font::{Weight, fit, width};
+use crate::picture::font::{Weight, fit_ends, width};
 use crate::picture::number::{LABEL_SIZE, TICK_SIZE, minus};
 use crate::picture::{Anchor, COLUMN, Picture, Rect, TextStyle};
 
@@ -98,7 +98,7 @@ impl BarGroup {
 impl Bar {
     /// Its name on the left, its number on the right.
     fn write(&self, picture: &mut Picture, area: Rect, y: f64, number: &str) {
-        let label = fit(&self.label, LABEL_SIZE, Weight::Regular, area.x - 10.0);
+        let label = fit_ends(&self.label, LABEL_SIZE, Weight::Regular, area.x - 10.0);
         picture.text((area.x - 4.0, y + 2.5), label, TextStyle::new(LABEL_SIZE).anchor(Anchor::End));
         let number = if self.value.is_finite() { minus(number) } else { "no value".to_string() };
         picture.text((area.right() + 5.0, y + 2.3), number, TextStyle::new(TICK_SIZE + 0.5));

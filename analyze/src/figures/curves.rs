@@ -1,11 +1,11 @@
 //! Curves over training (Figure 3 of the paper): one facet a metric, one line a group of runs, a band for the interval over its runs.
 
-use plotters::prelude::{Circle, Color as _, LineSeries, Polygon};
+use plotters::prelude::{Circle, Color as _, DashedLineSeries, LineSeries, Polygon};
 
 use super::axes::{Axes, Chart, Drawn, chart, rgba};
 use super::heading::Heading;
 use super::legend::{self, Mark};
-use crate::picture::color::{Color, kind};
+use crate::picture::color::{Color, LINES, dash, kind};
 use crate::picture::font::{Weight, wrap};
 use crate::picture::number::LABEL_SIZE;
 use crate::picture::plot::{units, width_units};
@@ -65,15 +65,25 @@ impl Curves {
         let lines = self.facets.iter().map(|facet| facet.title(w - 12.0).len()).max().unwrap_or(1).max(1);
         let above = 12.0 + (lines - 1) as f64 * LINE;
         let h = above + if columns == 1 { 138.0 } else { 116.0 };
-        let key = legend::label_height(&self.groups, width - 12.0);
+        let names = self.names();
+        let key = legend::label_height(&names, width - 12.0);
         let (mut picture, top) = self.heading.picture(width, key + 4.0 + rows as f64 * h);
-        let colors: Vec<Color> = (0..self.groups.len()).map(kind).collect();
-        legend::labels(&mut picture, (6.0, top), (&self.groups, &colors), Mark::Line, width - 12.0);
+        let colors: Vec<Color> = (0..names.len()).map(kind).collect();
+        legend::labels(&mut picture, (6.0, top), (&names, &colors), Mark::Line, width - 12.0);
         for (i, facet) in self.facets.iter().enumerate() {
             let (x, y) = ((i % columns) as f64 * w, top + key + 4.0 + (i / columns) as f64 * h);
             facet.draw(&mut picture, Rect::new(x + 34.0, y + above, w - 42.0, h - above - 26.0), &self.axis);
         }
         picture
+    }
+
+    /// The groups' names in the legend, the last with a word where no line is left that looks like no other.
+    fn names(&self) -> Vec<String> {
+        let mut names = self.groups.clone();
+        if let Some(last) = names.last_mut().filter(|_| self.groups.len() > LINES) {
+            last.push_str(" (colours repeat)");
+        }
+        names
     }
 }
 
@@ -123,7 +133,13 @@ impl Curve {
                 }
                 many => {
                     let style = rgba(color).stroke_width(width_units(1.1));
-                    chart.draw_series(LineSeries::new(many.iter().copied(), style))?;
+                    match dash(self.group) {
+                        None => chart.draw_series(LineSeries::new(many.iter().copied(), style))?,
+                        Some((dash, gap)) => {
+                            let (dash, gap) = (width_units(dash), width_units(gap));
+                            chart.draw_series(DashedLineSeries::new(many.to_vec(), dash, gap, style))?
+                        }
+                    };
                 }
             }
         }

@@ -1,6 +1,6 @@
 //! Keys to colours: a bar for quantities, labels for series and kinds.
 
-use plotters::element::IntoDynElement as _;
+use plotters::element::{DashedPathElement, IntoDynElement as _};
 use plotters::prelude::{
     ChartBuilder, Circle, Color as _, IntoDrawingArea as _, IntoFont as _, PathElement, Rectangle, SeriesLabelPosition,
 };
@@ -8,8 +8,8 @@ use plotters::style::FontTransform;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::axes::{Drawn, rgba};
-use crate::picture::color::{Color, INK, viridis};
-use crate::picture::font::{Weight, width};
+use crate::picture::color::{Color, INK, dash, viridis};
+use crate::picture::font::{Weight, fit_ends, width};
 use crate::picture::number::{LABEL_SIZE, TICK_SIZE, tick};
 use crate::picture::plot::{Canvas, UNITS, units, width_units};
 use crate::picture::{Picture, Rect, TextStyle};
@@ -62,7 +62,7 @@ fn bar(picture: &mut Picture, area: Rect, (lo, hi): (f64, f64), title: &str) -> 
 /// How a series is marked in a legend: as it is drawn in its chart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Mark {
-    /// A short piece of the line.
+    /// A short piece of the line, dashed where colours repeat.
     Line,
     /// One of the points.
     Point,
@@ -75,18 +75,29 @@ const MARK: f64 = 9.0;
 /// Room between one label and the next, points.
 const BETWEEN: f64 = 8.0;
 
-/// Where labels of these names go in a row of this width: lines of (name index, x), points.
-pub(super) fn label_lines(names: &[String], room: f64) -> Vec<Vec<(usize, f64)>> {
-    let mut lines: Vec<Vec<(usize, f64)>> = vec![Vec::new()];
+/// A label in its line.
+struct Label {
+    /// Which of the names it is.
+    of: usize,
+    /// Its left end, points.
+    x: f64,
+    /// The name, cut in the middle where a whole line is too short for it.
+    name: String,
+}
+
+/// Where labels of these names go in a row of this width.
+fn label_lines(names: &[String], room: f64) -> Vec<Vec<Label>> {
+    let mut lines: Vec<Vec<Label>> = vec![Vec::new()];
     let mut x = 0.0;
-    for (i, name) in names.iter().enumerate() {
-        let w = MARK + width(name, LABEL_SIZE, Weight::Regular) + BETWEEN;
+    for (of, name) in names.iter().enumerate() {
+        let name = fit_ends(name, LABEL_SIZE, Weight::Regular, room - MARK);
+        let w = MARK + width(&name, LABEL_SIZE, Weight::Regular) + BETWEEN;
         if x + w > room + BETWEEN && x > 0.0 {
             lines.push(Vec::new());
             x = 0.0;
         }
         if let Some(line) = lines.last_mut() {
-            line.push((i, x));
+            line.push(Label { of, x, name });
         }
         x += w;
     }
@@ -110,9 +121,10 @@ pub(super) fn labels(
     room: f64,
 ) {
     for (row, line) in label_lines(names, room).iter().enumerate() {
-        for &(i, x) in line {
+        for Label { of, x, name } in line {
             let at = (at.0 + x, at.1 + row as f64 * LINE + 2.0);
-            if let Err(error) = label(picture, at, &names[i], colors[i], mark) {
+            let dash = dash(*of).filter(|_| mark == Mark::Line);
+            if let Err(error) = label(picture, at, name, colors[*of], (mark, dash)) {
                 picture.text(at, error.to_string(), TextStyle::new(TICK_SIZE));
             }
         }
@@ -120,18 +132,27 @@ pub(super) fn labels(
 }
 
 /// One series label with its upper left corner at a place.
-fn label(picture: &mut Picture, at: (f64, f64), name: &str, color: Color, mark: Mark) -> Drawn {
+fn label(
+    picture: &mut Picture,
+    at: (f64, f64),
+    name: &str,
+    color: Color,
+    (mark, dash): (Mark, Option<(f64, f64)>),
+) -> Drawn {
     let root = Canvas::new(picture).into_drawing_area();
     let part = root.shrink((units(at.0), units(at.1)), (width_units(MARK), width_units(LINE)));
     let mut chart = ChartBuilder::on(&part).build_cartesian_2d(0.0..1.0, 0.0..1.0)?;
     let color = rgba(color);
     let series = chart.draw_series(std::iter::empty::<Rectangle<(f64, f64)>>())?;
-    series.label(name).legend(move |(x, y)| match mark {
-        Mark::Line => {
-            let ends = vec![(x, y), (x + units(MARK - 2.5), y)];
-            PathElement::new(ends, color.stroke_width(width_units(1.6))).into_dyn()
+    series.label(name).legend(move |(x, y)| {
+        let (ends, style) = (vec![(x, y), (x + units(MARK - 2.5), y)], color.stroke_width(width_units(1.6)));
+        match (mark, dash) {
+            (Mark::Line, None) => PathElement::new(ends, style).into_dyn(),
+            (Mark::Line, Some((dash, gap))) => {
+                DashedPathElement::new(ends, width_units(dash), width_units(gap), style).into_dyn()
+            }
+            (Mark::Point, _) => Circle::new((x + units(3.0), y), units(2.4), color.filled()).into_dyn(),
         }
-        Mark::Point => Circle::new((x + units(3.0), y), units(2.4), color.filled()).into_dyn(),
     });
     chart
         .configure_series_labels()

@@ -16,7 +16,7 @@ use crate::picture::{Anchor, COLUMN, PAGE, Picture, Point, Rect, TextStyle};
 /// The grey background never holds more points than this; more are thinned evenly.
 const MOST: usize = 20_000;
 /// Colours along a trajectory.
-const LEVELS: usize = 24;
+const LEVELS: i64 = 24;
 
 /// One cell of the grid.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,7 +25,7 @@ pub struct Panel {
     pub state: u32,
     /// Column of the grid.
     pub distractor: u32,
-    /// Indices into the points, in order of time; empty for a cell that was not recorded.
+    /// Indices into the points, in order of time; empty for a cell without rows.
     pub rows: Vec<usize>,
 }
 
@@ -40,8 +40,12 @@ pub struct Panels {
     pub states: Vec<u32>,
     /// The columns that are shown.
     pub distractors: Vec<u32>,
-    /// The cells; one that is absent is drawn as not recorded.
+    /// The cells.
     pub panels: Vec<Panel>,
+    /// What is said in a cell that is absent or has no rows, as in "not recorded".
+    pub absent: &'static str,
+    /// The step of every point of the table, by which trajectories are coloured unless a colouring is given.
+    pub steps: Vec<u32>,
     /// What the colours of trajectories say, one value a point of the table; none colours them by time.
     pub coloring: Option<Coloring>,
 }
@@ -63,23 +67,21 @@ impl Panels {
         let (centers, _) = fit_points(&self.points, side, high);
         let every = centers.len().div_ceil(MOST).max(1);
         let cloud: Arc<Vec<Point>> = Arc::new(centers.iter().step_by(every).copied().collect());
+        let time = self.time();
         for (r, &state) in self.states.iter().enumerate() {
             for (c, &distractor) in self.distractors.iter().enumerate() {
                 let area = Rect::new(left + c as f64 * (side + gap), top + r as f64 * (high + gap), side, high);
                 picture.dots((area.x, area.y), cloud.clone(), dot(side, cloud.len()), CONTEXT);
                 let panel = self.panels.iter().find(|p| p.state == state && p.distractor == distractor);
                 let rows = panel.map_or(&[][..], |p| &p.rows);
-                trajectory(&mut picture, area, &self.layers(rows, &centers));
+                self.trajectory(&mut picture, area, &self.layers(rows, &centers, time));
             }
         }
         self.labels(&mut picture, (left, top), (side, high), gap);
         let height = (rows as f64 * (high + gap) - gap).min(120.0);
         let bar = Rect::new(left + columns as f64 * (side + gap) + 4.0, top, 6.0, height);
         match &self.coloring {
-            None => {
-                let longest = self.panels.iter().map(|p| p.rows.len()).max().unwrap_or(1).max(2) - 1;
-                legend::color_bar(&mut picture, bar, 0.0, longest as f64, "step");
-            }
+            None => legend::color_bar(&mut picture, bar, f64::from(time.0), f64::from(time.1), "step"),
             Some(coloring @ Coloring::Quantity { name, .. }) => {
                 let (lo, hi) = coloring.range();
                 legend::color_bar(&mut picture, bar, lo, hi, name);
@@ -92,16 +94,23 @@ impl Panels {
         picture
     }
 
-    /// A trajectory's points by colour.
-    fn layers(&self, rows: &[usize], centers: &[Point]) -> Vec<(Vec<Point>, Color)> {
+    /// The first and the last step of all trajectories that are shown, which may begin late or end early.
+    fn time(&self) -> (u32, u32) {
+        let steps = || self.panels.iter().flat_map(|panel| &panel.rows).map(|&row| self.steps[row]);
+        (steps().min().unwrap_or(0), steps().max().unwrap_or(0))
+    }
+
+    /// A trajectory's points by colour, among trajectories from one step to another.
+    fn layers(&self, rows: &[usize], centers: &[Point], (first, last): (u32, u32)) -> Vec<(Vec<Point>, Color)> {
         let range = self.coloring.as_ref().map_or((0.0, 1.0), Coloring::range);
-        let level = |(i, row): (usize, usize)| match &self.coloring {
-            None => (i * LEVELS / rows.len()) as i64,
+        let whole = i64::from(last - first).max(1);
+        let level = |row: usize| match &self.coloring {
+            None => (i64::from(self.steps[row] - first) * LEVELS / whole).min(LEVELS - 1),
             Some(coloring) => coloring.level(row, range),
         };
         let mut layers: BTreeMap<i64, Vec<Point>> = BTreeMap::new();
-        for (i, &row) in rows.iter().enumerate() {
-            layers.entry(level((i, row))).or_default().push(centers[row]);
+        for &row in rows {
+            layers.entry(level(row)).or_default().push(centers[row]);
         }
         let color = |level: i64| match &self.coloring {
             None => viridis((level as f64 + 0.5) / LEVELS as f64),
@@ -110,6 +119,18 @@ impl Panels {
             Some(coloring) => coloring.color(level),
         };
         layers.into_iter().map(|(level, list)| (list, color(level))).collect()
+    }
+
+    /// A cell's own rows, a dot each, by colour; or why there are none.
+    fn trajectory(&self, picture: &mut Picture, area: Rect, layers: &[(Vec<Point>, Color)]) {
+        picture.frame(area, 0.4, RULE);
+        if layers.is_empty() {
+            let style = TextStyle::new(5.5).anchor(Anchor::Middle).color(FAINT);
+            picture.text((area.x + area.w / 2.0, area.y + area.h / 2.0), self.absent, style);
+        }
+        for (list, color) in layers {
+            picture.dots((area.x, area.y), Arc::new(list.clone()), 0.9, *color);
+        }
     }
 
     fn labels(&self, picture: &mut Picture, at: Point, (side, high): (f64, f64), gap: f64) {
@@ -142,14 +163,28 @@ fn dot(side: f64, count: usize) -> f64 {
     (0.35 * side / (count.max(1) as f64).sqrt()).clamp(0.25, 0.9)
 }
 
-/// A cell's own rows, a dot each, by colour; nothing was recorded if there are none.
-fn trajectory(picture: &mut Picture, area: Rect, layers: &[(Vec<Point>, Color)]) {
-    picture.frame(area, 0.4, RULE);
-    if layers.is_empty() {
-        let style = TextStyle::new(5.5).anchor(Anchor::Middle).color(FAINT);
-        picture.text((area.x + area.w / 2.0, area.y + area.h / 2.0), "not recorded", style);
-    }
-    for (list, color) in layers {
-        picture.dots((area.x, area.y), Arc::new(list.clone()), 0.9, *color);
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As of a grid of which one cell ends early, from step 50 on.
+    #[test]
+    fn a_step_has_one_colour_in_cells_of_any_length() {
+        let panel =
+            |distractor: u32, rows: std::ops::Range<usize>| Panel { state: 0, distractor, rows: rows.collect() };
+        let panels = Panels {
+            heading: Heading::new("a test"),
+            points: vec![[0.0, 0.0]; 58],
+            states: vec![0],
+            distractors: vec![0, 1],
+            panels: vec![panel(0, 0..48), panel(1, 48..58)],
+            absent: "not recorded",
+            steps: (50..98).chain(50..60).collect(),
+            coloring: None,
+        };
+        let color = |row: usize| panels.layers(&[row], &[(0.0, 0.0); 58], panels.time())[0].1;
+        assert_eq!(panels.time(), (50, 97));
+        assert_eq!((color(0), color(9)), (color(48), color(57)));
+        assert_ne!(color(57), color(47), "the last row of the short one is not the last step");
     }
 }

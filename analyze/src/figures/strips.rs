@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::heading::Heading;
 use crate::picture::color::{FAINT, INK, RULE, kind};
-use crate::picture::font::{Weight, fit};
+use crate::picture::font::{Weight, fit, fit_ends};
 use crate::picture::number::LABEL_SIZE;
 use crate::picture::{Anchor, PAGE, Picture, Pixels, Rect, TextStyle};
 
@@ -83,7 +83,7 @@ impl Strip {
         let top = top + 19.0;
         for (l, line) in self.lines.iter().enumerate() {
             let y = top + l as f64 * (high + GAP);
-            let name = fit(&line.name, 6.5, Weight::Regular, LEFT - 10.0);
+            let name = fit_ends(&line.name, 6.5, Weight::Regular, LEFT - 10.0);
             picture.text((LEFT - 4.0, y + high / 2.0 + 2.3), name, TextStyle::new(6.5).anchor(Anchor::End).color(INK));
             for (i, pixels) in line.pictures.iter().enumerate() {
                 let place = Rect::new(x(i), y, cell, high);

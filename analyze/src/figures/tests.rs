@@ -5,6 +5,7 @@ mod snapshots;
 use std::sync::Arc;
 
 use super::*;
+use crate::picture::color::kind;
 use crate::picture::{PAGE, Pixels, Shape, font};
 
 fn noise(i: usize) -> f64 {
@@ -135,6 +136,7 @@ fn examples() -> Vec<(&'static str, Figure)> {
         ("strips", strips()),
         ("curves-1", Figure::Curves(curves(1))),
         ("curves-5", Figure::Curves(curves(5))),
+        ("curves-many", many_curves()),
         (
             "table",
             Figure::Table(Table {
@@ -160,6 +162,8 @@ fn panels(points: Vec<[f64; 2]>, coloring: Option<Coloring>) -> Figure {
         states: (0..4).collect(),
         distractors: (0..4).collect(),
         panels: (0..15).map(|c| Panel { state: c / 4, distractor: c % 4, rows: rows(c as usize) }).collect(),
+        absent: "not recorded",
+        steps: (0..points.len() as u32).map(|row| row % 250).collect(),
         points,
         coloring,
     })
@@ -221,6 +225,40 @@ fn curves(facets: usize) -> Curves {
             .map(|f| Facet { metric: format!("episode return {f}"), curves: (0..3).map(|g| curve(g, f)).collect() })
             .collect(),
     }
+}
+
+/// More groups than lines that look different, and a name longer than the figure is wide.
+fn many_curves() -> Figure {
+    let mut many = curves(1);
+    many.groups = (0..23).map(|group| format!("seed-{group}")).collect();
+    many.groups[9] = "/somewhere/runs/cartpole-swingup/no-adversary/a-folder-of-many-words/seed-9".into();
+    let own = many.facets[0].curves[0].clone();
+    let curve = |group: usize| Curve {
+        group,
+        mean: own.mean.iter().map(|mean| mean + 20.0 * group as f64).collect(),
+        band: Vec::new(),
+        ..own.clone()
+    };
+    many.facets[0].curves = (0..23).map(curve).collect();
+    Figure::Curves(many)
+}
+
+#[test]
+fn groups_beyond_the_colours_have_dashed_lines_and_a_word_beyond_these() {
+    let picture = many_curves().draw();
+    let texts: Vec<&str> = picture
+        .shapes
+        .iter()
+        .filter_map(|shape| if let Shape::Text { text, .. } = shape { Some(text.as_str()) } else { None })
+        .collect();
+    assert!(texts.contains(&"seed-22 (colours repeat)"), "{texts:?}");
+    assert!(texts.iter().any(|text| text.contains('…') && text.ends_with("/seed-9")), "{texts:?}");
+    let lines = |figure: &Figure| {
+        let is_first = |shape: &&Shape| matches!(shape, Shape::Line { color, .. } if *color == kind(0));
+        figure.draw().shapes.iter().filter(is_first).count()
+    };
+    assert_eq!(lines(&Figure::Curves(curves(1))), 2, "a line and its mark");
+    assert!(lines(&many_curves()) > 80, "dashes and dots beside the line of the same colour");
 }
 
 #[test]

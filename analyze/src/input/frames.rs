@@ -100,6 +100,6 @@ impl Frames {
 }
 
 /// Whether two rewards are not the same but for rounding.
-fn differ(a: f32, b: f32) -> bool {
+pub(crate) fn differ(a: f32, b: f32) -> bool {
     (a - b).abs() > 1e-3 * (1.0 + a.abs())
 }

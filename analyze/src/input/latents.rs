@@ -14,7 +14,7 @@ use polars::prelude::{
 use vibes_data::{Latents, LatentsSource};
 
 use super::columns::UserColumn;
-use super::lists::Lists;
+use super::lists::{Lists, Narrowed, Origin};
 use super::tables::{TableFile, column};
 use super::{InputError, Rows, choices};
 
@@ -25,6 +25,9 @@ const KNOWN: [&str; 3] = ["state", "distractor", "reward"];
 const ROW: &str = "row of the table of latents";
 /// A whole number as keys are.
 const WHOLE: &str = "a whole number from 0 to 4294967295 in every row";
+
+/// What is said of latents that were put about the origin of others.
+pub(crate) const MOVED: &str = "these latents were put about the origin of the others that they are measured against, so that both are of one space";
 
 /// What is asked for beside the latents.
 #[derive(Clone, Debug, Default)]
@@ -62,6 +65,27 @@ pub fn read_latents(path: &Path) -> Result<Latents, InputError> {
 /// [`InputError`]: an unreadable file, a missing or unsuitable column (the error names those that are needed), a row key that occurs twice, an
 /// expression that chooses no row. Values that are not finite are left to the checks of [`vibes_measure::Table`].
 pub fn read_asked(path: &Path, asked: &Asked) -> Result<ReadLatents, InputError> {
+    read_with_origin(path, asked).map(|(read, _)| read)
+}
+
+/// The same of a table whose latents are compared with those of another, about whose origin they are put.
+///
+/// # Errors
+/// As [`read_asked`].
+pub fn read_beside(path: &Path, asked: &Asked, others: &Origin) -> Result<ReadLatents, InputError> {
+    let (mut read, own) = read_with_origin(path, asked)?;
+    if own != *others {
+        own.move_to(others, &mut read.latents);
+        read.remarks.push(MOVED.into());
+    }
+    Ok(read)
+}
+
+/// The same as [`read_asked`], with what was taken away from the latents.
+///
+/// # Errors
+/// As [`read_asked`].
+pub fn read_with_origin(path: &Path, asked: &Asked) -> Result<(ReadLatents, Origin), InputError> {
     let file = TableFile::open(path)?;
     let lists = latent_columns(&file, path)?;
     let needed = needed(asked);
@@ -94,7 +118,7 @@ pub fn read_asked(path: &Path, asked: &Asked) -> Result<ReadLatents, InputError>
     let lists = lists.iter().map(|name| series(&frame, name, path)).collect::<Result<Vec<_>, _>>()?;
     let lists = Lists::read(&lists, path)?;
     let kept: Option<Vec<u32>> = asked.rows.as_ref().map(|_| whole(&flat, ROW, path)).transpose()?.map(known);
-    let (dims, latent, remark) = lists.narrow(kept.as_deref());
+    let Narrowed { dims, latent, origin, remark } = lists.narrow(kept.as_deref());
     remarks.extend(remark);
     let columns =
         asked.columns.iter().map(|name| Ok((name.clone(), UserColumn::read(&series(&flat, name, path)?, path)?)));
@@ -114,7 +138,7 @@ pub fn read_asked(path: &Path, asked: &Asked) -> Result<ReadLatents, InputError>
         latent,
         source: LatentsSource { recording: source("vibes.recording"), checkpoint: source("vibes.checkpoint") },
     };
-    Ok(ReadLatents { latents, columns, remarks })
+    Ok((ReadLatents { latents, columns, remarks }, origin))
 }
 
 /// The columns that the latents lie in: `latent`, or `latent_0`, `latent_1` and so on.

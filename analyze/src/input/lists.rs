@@ -8,10 +8,45 @@ use std::path::Path;
 use super::InputError;
 use super::tables::column;
 use polars::prelude::{DataType, PolarsError, Series};
+use vibes_data::Latents;
 
 const EXPECTED: &str = "a list of numbers of one length in every row";
 /// A mean this many standard deviations from the origin leaves less than three digits to single precision.
 const FAR: f64 = 1e4;
+
+/// What was taken away from every row of a table of latents before they became single precision: nothing from most. Two tables are of one space only
+/// about one origin.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Origin {
+    /// `[dims]`, empty where nothing was taken away.
+    mean: Vec<f64>,
+}
+
+impl Origin {
+    /// Moves latents that lie about this origin to another, that of the latents they are compared with.
+    pub fn move_to(&self, other: &Self, latents: &mut Latents) {
+        if self == other {
+            return;
+        }
+        let at = |origin: &Self, dim: usize| origin.mean.get(dim).copied().unwrap_or(0.0);
+        let shift: Vec<f64> = (0..latents.dims).map(|dim| at(self, dim) - at(other, dim)).collect();
+        for row in latents.latent.chunks_exact_mut(latents.dims.max(1)) {
+            row.iter_mut().zip(&shift).for_each(|(v, by)| *v = (f64::from(*v) + by) as f32);
+        }
+    }
+}
+
+/// Latents in single precision.
+#[derive(Debug)]
+pub(super) struct Narrowed {
+    pub(super) dims: usize,
+    /// `[rows, dims]`.
+    pub(super) latent: Vec<f32>,
+    /// What was taken away from them.
+    pub(super) origin: Origin,
+    /// What must be said about it.
+    pub(super) remark: Option<String>,
+}
 
 /// Numbers, `[rows, dims]`.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,15 +139,18 @@ impl Lists {
         Ok(Self { dims: dims.unwrap_or(0), values: Values::Double(values) })
     }
 
-    /// The rows that are kept in single precision, `[rows, dims]`, and what must be said about it.
-    pub(super) fn narrow(self, kept: Option<&[u32]>) -> (usize, Vec<f32>, Option<String>) {
+    /// The rows that are kept, in single precision.
+    pub(super) fn narrow(self, kept: Option<&[u32]>) -> Narrowed {
         let dims = self.dims;
         match self.values {
-            Values::Single(values) => (dims, rows(values, dims, kept), None),
+            Values::Single(values) => {
+                Narrowed { dims, latent: rows(values, dims, kept), origin: Origin::default(), remark: None }
+            }
             Values::Double(values) => {
                 let mut values = rows(values, dims, kept);
-                let remark = center(&mut values, dims);
-                (dims, values.into_iter().map(|v| v as f32).collect(), remark)
+                let (mean, remark) = center(&mut values, dims).unzip();
+                let origin = Origin { mean: mean.unwrap_or_default() };
+                Narrowed { dims, latent: values.into_iter().map(|v| v as f32).collect(), origin, remark }
             }
         }
     }
@@ -123,8 +161,8 @@ fn rows<T: Copy>(values: Vec<T>, dims: usize, kept: Option<&[u32]>) -> Vec<T> {
     kept.iter().flat_map(|&row| values[row as usize * dims..(row as usize + 1) * dims].iter().copied()).collect()
 }
 
-/// Takes the mean away where single precision would lose what tells the rows apart.
-fn center(values: &mut [f64], dims: usize) -> Option<String> {
+/// Takes the mean away where single precision would lose what tells the rows apart, and gives it with what must be said about it.
+fn center(values: &mut [f64], dims: usize) -> Option<(Vec<f64>, String)> {
     let rows = values.len().checked_div(dims).filter(|&rows| rows > 1)?;
     let mut means = vec![0.0; dims];
     for row in values.chunks_exact(dims) {
@@ -144,10 +182,11 @@ fn center(values: &mut [f64], dims: usize) -> Option<String> {
     for row in values.chunks_exact_mut(dims) {
         row.iter_mut().zip(&means).for_each(|(v, mean)| *v -= mean);
     }
-    Some(format!(
+    let remark = format!(
         "{far} of the {dims} dimensions lie more than 10,000 standard deviations from the origin: the mean of all rows was taken away before the latents \
          became single precision (differences of latents are the same; cosines are now about the mean)"
-    ))
+    );
+    Some((means, remark))
 }
 
 fn doubles(series: &Series, name: &str, path: &Path) -> Result<Vec<f64>, InputError> {
@@ -165,7 +204,7 @@ fn doubles(series: &Series, name: &str, path: &Path) -> Result<Vec<f64>, InputEr
 
 /// Double precision made single.
 #[cfg(test)]
-fn of(values: Vec<f64>, dims: usize) -> (usize, Vec<f32>, Option<String>) {
+fn of(values: Vec<f64>, dims: usize) -> Narrowed {
     Lists { dims, values: Values::Double(values) }.narrow(None)
 }
 
@@ -184,7 +223,7 @@ mod tests {
     fn what_tells_rows_apart_survives_far_from_the_origin() {
         let near: Vec<f64> = (0..40).map(|i| f64::from(i * 37 % 41)).collect();
         let far: Vec<f64> = near.iter().map(|x| x * 1e-7 + 1000.0).collect();
-        let (_, narrowed, said) = of(far, 2);
+        let Narrowed { latent: narrowed, remark: said, .. } = of(far, 2);
         assert!(said.is_some_and(|said| said.contains("2 of the 2 dimensions")));
         let scale = spread(&narrowed, 2, 0) / spread(&near.iter().map(|&x| x as f32).collect::<Vec<_>>(), 2, 0);
         for (a, b) in narrowed.chunks_exact(2).zip(near.chunks_exact(2)) {
@@ -197,7 +236,7 @@ mod tests {
     #[test]
     fn a_constant_dimension_is_not_far() {
         let values: Vec<f64> = (0..80).flat_map(|i| [f64::from(i * 37 % 41), 0.7]).collect();
-        let (_, narrowed, said) = of(values.clone(), 2);
+        let Narrowed { latent: narrowed, remark: said, .. } = of(values.clone(), 2);
         assert_eq!(said, None);
         assert!(narrowed.iter().zip(&values).all(|(a, b)| *a == *b as f32));
     }
@@ -205,7 +244,7 @@ mod tests {
     #[test]
     fn latents_near_the_origin_stay_as_they_are() {
         let values: Vec<f64> = (0..20).map(|i| f64::from(i) / 8.0 + 3.0).collect();
-        let (_, narrowed, said) = of(values.clone(), 4);
+        let Narrowed { latent: narrowed, remark: said, .. } = of(values.clone(), 4);
         assert_eq!(said, None);
         assert!(narrowed.iter().zip(&values).all(|(a, b)| f64::from(*a) == *b));
     }

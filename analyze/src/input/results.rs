@@ -1,6 +1,6 @@
 //! Results of many runs as one table: a row a run, from run folders and from tables of a user's own.
 //!
-//! In: paths, and the names of what is asked for. Of a run folder these are its metrics (the last evaluation's, else the mean of the last tenth), what `run.json` holds under that
+//! In: paths, and the names of what is asked for. Of a run folder these are its metrics (that of `vibes-train evaluate` of the newest checkpoint that it judged, else of the last evaluation, else the mean of the last tenth), what `run.json` holds under that
 //! name (`objective`, or in full `options.model.latent`), its `task`, and `run`, the folder's name; of a table, its columns. Out: rows of numbers and
 //! texts, those that an expression chooses.
 
@@ -84,7 +84,7 @@ impl Results {
             match source {
                 Source::Run { run, info } => {
                     let own = ["run", "task"].map(String::from);
-                    own.into_iter().chain(run.series.keys().cloned()).chain(info.keys().cloned()).collect()
+                    own.into_iter().chain(run.names().map(String::from)).chain(info.keys().cloned()).collect()
                 }
                 Source::Table { file, .. } => file.names().to_vec(),
             }
@@ -96,6 +96,16 @@ impl Results {
     #[must_use]
     pub fn are_runs(&self) -> bool {
         self.sources.iter().all(|source| matches!(source, Source::Run { .. }))
+    }
+
+    /// What must be known of the runs' numbers, a sentence each.
+    #[must_use]
+    pub fn remarks(&self) -> Vec<String> {
+        let of = |source: &Source| match source {
+            Source::Run { run, .. } => run.remarks(),
+            Source::Table { .. } => Vec::new(),
+        };
+        self.sources.iter().flat_map(of).collect()
     }
 
     /// Whether a source has something of this name.
@@ -125,10 +135,9 @@ impl Results {
         metrics: &[String],
         rows: Option<&Rows>,
     ) -> Result<Vec<Vec<Cell>>, InputError> {
-        let asked = [keys, metrics].concat();
-        let is_metric = |at: usize| (keys.len()..asked.len()).contains(&at);
-        let mut names = asked.clone();
-        names.extend(rows.iter().flat_map(|rows| &rows.columns).filter(|name| !asked.contains(name)).cloned());
+        let of_rows = rows.map_or(&[][..], |rows| &rows.columns);
+        let (asked, names) = (keys.len() + metrics.len(), [keys, metrics, of_rows].concat());
+        let is_metric = |at: usize| (keys.len()..asked).contains(&at);
         if let Some(missing) = names.iter().find(|name| !self.has(name)) {
             let found = choices(missing, self.names().iter().map(String::as_str));
             return Err(InputError::NoSuchResult { name: missing.clone(), found });
@@ -147,8 +156,10 @@ impl Results {
             }
         }
         let Some(rows) = rows else { return Ok(all) };
-        let kept = choose(&names, &all, rows)?;
-        Ok(kept.into_iter().map(|row| all[row][..asked.len()].to_vec()).collect())
+        // What the expression names stands behind what is asked for: a metric there may be a key here.
+        let looked_at: Vec<Vec<Cell>> = all.iter().map(|row| row[asked..].to_vec()).collect();
+        let kept = choose(of_rows, &looked_at, rows)?;
+        Ok(kept.into_iter().map(|row| all[row][..asked].to_vec()).collect())
     }
 }
 
@@ -171,11 +182,13 @@ fn of_run(run: &Run, info: &BTreeMap<String, Value>, name: &str) -> Cell {
     if name == "run" {
         return Cell::Text(run.name.clone());
     }
-    // `objective` is a metric and an option: a metric only if the run has no text of that name.
+    // `objective` and `dynamics_weight` are metrics and options: as keys they are what the run was asked to do.
     let full =
         info.get(name).or_else(|| info.iter().find(|(key, _)| key.ends_with(&format!(".{name}"))).map(|(_, v)| v));
-    if let Some(text) = full.and_then(Value::as_str) {
-        return Cell::Text(text.into());
+    match full {
+        Some(Value::String(text)) => return Cell::Text(text.clone()),
+        Some(Value::Number(number)) => return number.as_f64().map_or(Cell::Nothing, Cell::Number),
+        _ => {}
     }
     if let Some(last) = run.final_value(name) {
         return Cell::Number(last);
@@ -183,15 +196,12 @@ fn of_run(run: &Run, info: &BTreeMap<String, Value>, name: &str) -> Cell {
     if let Some(task) = run.task().filter(|_| name == "task") {
         return Cell::Text(task.into());
     }
-    match full {
-        Some(Value::Number(number)) => number.as_f64().map_or(Cell::Nothing, Cell::Number),
-        Some(other) => Cell::Text(other.to_string()),
-        None => Cell::Nothing,
-    }
+    full.map_or(Cell::Nothing, |other| Cell::Text(other.to_string()))
 }
 
 fn of_table(file: &TableFile, path: &Path, names: &[String]) -> Result<Vec<Vec<Cell>>, InputError> {
-    let there: Vec<String> = names.iter().filter(|name| file.has(name)).cloned().collect();
+    let there: BTreeSet<String> = names.iter().filter(|name| file.has(name)).cloned().collect();
+    let there: Vec<String> = there.into_iter().collect();
     let frame = file.read(&there)?;
     let mut rows = vec![vec![Cell::Nothing; names.len()]; frame.height()];
     for (at, name) in names.iter().enumerate().filter(|(_, name)| there.contains(name)) {
@@ -233,4 +243,38 @@ fn choose(names: &[String], all: &[Vec<Cell>], rows: &Rows) -> Result<Vec<usize>
     let kept = quietly(filter).map_err(fault)?;
     let kept = kept.map_err(|error| fault(error.to_string().lines().next().unwrap_or_default().to_string()))?;
     if kept.is_empty() { Err(fault("no row is chosen".into())) } else { Ok(kept) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What run.json holds is 0.03, and what the metrics hold of it in single precision is not.
+    #[test]
+    fn a_name_is_an_option_as_a_key_and_in_an_expression_and_a_number_as_a_metric() {
+        let run = tempfile::tempdir().expect("folder");
+        let write = |name: &str, text: String| std::fs::write(run.path().join(name), text).expect("file");
+        let measured = f64::from(0.03f32);
+        write("metrics.jsonl", format!("{{\"update\":10,\"dynamics_weight\":{measured},\"loss\":2.5}}\n"));
+        let info = "{\"format\":\"vibes-run/1\",\"options\":{\"dynamics_weight\":0.03},\"model\":{\"task\":\"discs\"},\"recordings\":[],\"episodes\":6,\"steps\":48,\"versions\":{}}";
+        write("run.json", info.into());
+        let results = Results::open(&[run.path().to_path_buf()]).expect("run");
+        let names = ["dynamics_weight".to_owned()];
+        let rows: Rows = "dynamics_weight = 0.03 and loss > 2 and task = 'discs'".parse().expect("expression");
+        let read = results.read_with(&names, &names, Some(&rows)).expect("the run");
+        assert_eq!(read, [[Cell::Number(0.03), Cell::Number(measured)]]);
+        let alone = results.read(&["loss".to_owned()], None).expect("the run");
+        assert_eq!(alone, [[Cell::Number(2.5)]], "a metric that is no option");
+    }
+
+    #[test]
+    fn a_column_of_a_table_may_be_asked_for_twice() {
+        let dir = tempfile::tempdir().expect("folder");
+        let path = dir.path().join("results.csv");
+        std::fs::write(&path, "method,seed,return\na,0,1.5\nb,1,2.5\n").expect("CSV");
+        let results = Results::open(&[path]).expect("table");
+        let rows: Rows = "seed = 1 and method = 'b'".parse().expect("expression");
+        let read = results.read_with(&["seed".to_owned()], &["seed".to_owned(), "return".to_owned()], Some(&rows));
+        assert_eq!(read.expect("a row"), [[Cell::Number(1.0), Cell::Number(1.0), Cell::Number(2.5)]]);
+    }
 }

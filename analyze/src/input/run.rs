@@ -4,7 +4,7 @@
 //! Every numeric field of the metrics becomes a series over `update` (or `step`), so that a new metric needs no change here. Those of the
 //! held-out grid are named as in `held_out.gaps.dynamics_gap`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
@@ -19,6 +19,8 @@ const CLOCKS: [&str; 7] =
 
 /// What the names of metrics on a held-out grid begin with.
 const HELD_OUT: &str = "held_out";
+/// The field of an evaluation that says whether its grid was new to the run. Older ones have none.
+const IS_HELD_OUT: &str = "is_held_out";
 
 /// One metric over training: `(x, value)` in the order of the file.
 pub type Series = Vec<(f64, f64)>;
@@ -36,8 +38,13 @@ pub struct Run {
     pub clock: String,
     /// Every numeric metric.
     pub series: BTreeMap<String, Series>,
-    /// The numbers of the last evaluation of an online run, which has starts and a number of episodes of its own and so no place on a curve.
+    /// Numbers of where the run ended that have no place on a curve: of the last evaluation of an online run, which has starts and a number of episodes of its own, and of
+    /// `vibes-train evaluate` where another grid was looked at over training.
     finals: BTreeMap<String, f64>,
+    /// Files of the run whose grid is among what the run was trained on, or what was fitted for it: their numbers are not held out, and are left out.
+    not_held_out: BTreeSet<String>,
+    /// What else must be known of its numbers.
+    remarks: Vec<String>,
     /// Lines of the metrics that could not be read (a run that was killed leaves at most one).
     pub broken_lines: usize,
 }
@@ -71,8 +78,9 @@ impl Run {
             }
         }
         let clock = clock.unwrap_or("update").to_string();
-        let (path, finals) = (path.into(), BTreeMap::new());
-        let mut run = Self { path, name, info, clock, series, finals, broken_lines: metrics.broken };
+        let (path, finals, not_held_out, remarks) = (path.into(), BTreeMap::new(), BTreeSet::new(), Vec::new());
+        let broken_lines = metrics.broken;
+        let mut run = Self { path, name, info, clock, series, finals, not_held_out, remarks, broken_lines };
         run.add_held_out(&folder, &metrics)?;
         // Single checkpoints are evaluated in any order.
         run.series.values_mut().for_each(|series| series.sort_by(|a, b| a.0.total_cmp(&b.0)));
@@ -85,28 +93,82 @@ impl Run {
         let over_training = Metrics::read(&folder.evaluations_path())?;
         self.broken_lines += over_training.broken;
         let is_final = |row: &&Map<String, Value>| row.get("is_final") == Some(&Value::Bool(true));
-        let all_final = over_training.lines.iter().all(|row| is_final(&row));
-        for row in over_training.lines.iter().filter(|row| all_final || !is_final(row)) {
+        let is_held_out = |row: &&Map<String, Value>| row.get(IS_HELD_OUT) != Some(&Value::Bool(false));
+        if !over_training.lines.iter().all(|row| is_held_out(&row)) {
+            self.not_held_out.insert(name_of(&folder.evaluations_path()));
+        }
+        let kept = over_training.lines.iter().filter(is_held_out);
+        let all_final = kept.clone().all(|row| is_final(&row));
+        for row in kept.clone().filter(|row| all_final || !is_final(row)) {
             let own = row.get(&self.clock).and_then(Value::as_f64);
             let x = own.unwrap_or_else(|| at(&passed, row.get("update").and_then(Value::as_f64)));
             self.add(HELD_OUT, &Value::Object(row.clone()), x);
         }
         if let Some(last) = over_training.lines.last().filter(is_final) {
-            numbers(HELD_OUT, &Value::Object(last.clone()), &mut |name, value| {
-                self.finals.insert(name.to_owned(), value);
-            });
+            self.add_final(&Value::Object(last.clone()));
         }
         // Evaluations of an online run are of returns alone, and leave room for a grid's numbers.
-        let has_grid = over_training.lines.iter().any(|row| row.contains_key("numbers"));
-        for document in evaluations(&self.path)? {
-            let x = at(&passed, update_of(&document));
-            self.add("held_out.gaps", &document["gaps"], x);
-            // The report of a checkpoint may be of another grid than the one over training.
-            if !has_grid {
-                self.add(HELD_OUT, &document["report"], x);
+        let of_grid = kept.filter(|row| row.contains_key("numbers"));
+        let judged = of_grid.filter_map(|row| row.get("update")?.as_f64()).reduce(f64::max);
+        self.add_documents(folder, judged, &passed)
+    }
+
+    /// Adds what `vibes-train evaluate` measured. Where evaluations over training, the last after `judged` updates, are of a grid too, which may be another one, a document has no place on
+    /// their curve; of the newest checkpoint that was evaluated it says where the run ended, since it was asked for by name.
+    fn add_documents(
+        &mut self,
+        folder: &RunFolder,
+        judged: Option<f64>,
+        passed: &[(f64, f64)],
+    ) -> Result<(), InputError> {
+        let (held_out, others): (Vec<_>, Vec<_>) =
+            evaluations(&self.path)?.into_iter().partition(|(_, document)| document[IS_HELD_OUT] != false);
+        self.not_held_out.extend(others.iter().map(|(path, _)| name_of(path)));
+        let update = |document: &Value| update_of(document).unwrap_or(0.0);
+        let newest = held_out.iter().map(|(_, document)| update(document)).reduce(f64::max);
+        // One number of each checkpoint: where two documents have it, that of the one whose name is last.
+        let mut found = BTreeMap::new();
+        for (_, document) in &held_out {
+            let of = update(document);
+            let mut keep = |name: &str, value: f64| {
+                found.insert((name.to_owned(), of.to_bits()), value);
+            };
+            numbers("held_out.gaps", &document["gaps"], &mut keep);
+            match judged {
+                None => numbers(HELD_OUT, &document["report"], &mut keep),
+                Some(judged) if Some(of) == newest && of >= judged => self.add_final(&document["report"]),
+                Some(_) => {}
             }
         }
+        for ((name, of), value) in found {
+            let x = at(passed, Some(f64::from_bits(of)));
+            self.series.entry(name).or_default().push((x, value));
+        }
+        self.remark_documents(folder, newest, &held_out);
         Ok(())
+    }
+
+    /// Says where the documents of the newest evaluated checkpoint are of several grids, and where the run has gone on since.
+    fn remark_documents(&mut self, folder: &RunFolder, newest: Option<f64>, documents: &[(PathBuf, Value)]) {
+        let Some(newest) = newest else { return };
+        let of_newest = documents.iter().filter(|(_, document)| update_of(document).unwrap_or(0.0) == newest);
+        let grids: BTreeSet<&str> = of_newest.filter_map(|(_, document)| document["grid"].as_str()).collect();
+        let name = &self.name;
+        if grids.len() > 1 {
+            let grids = grids.into_iter().collect::<Vec<_>>().join(", ");
+            self.remarks.push(format!("{name} was evaluated on several grids after {newest} updates: {grids}; a number is that of the last file that has it"));
+        }
+        let last = folder.checkpoints().last().copied().filter(|last| *last as f64 > newest && newest > 0.0);
+        if let Some(last) = last {
+            self.remarks.push(format!("{name} was evaluated after {newest} updates and has gone on to {last}; `vibes-train evaluate` judges what it is now"));
+        }
+    }
+
+    /// Keeps every number of a document of where the run ended.
+    fn add_final(&mut self, document: &Value) {
+        numbers(HELD_OUT, document, &mut |name, value| {
+            self.finals.insert(name.to_owned(), value);
+        });
     }
 
     /// Adds every number of a document at `x`.
@@ -117,24 +179,46 @@ impl Run {
     /// The full name of a metric of this run; a number of `vibes-train evaluate` may be called as it is called there, as in `retrieval_same_step@1`.
     #[must_use]
     pub fn full_name(&self, metric: &str) -> Option<&str> {
-        self.series.get_key_value(metric).or_else(|| self.of_grid(metric)).map(|(name, _)| name.as_str())
+        let own = self.series.get_key_value(metric).map(|(name, _)| name.as_str());
+        own.or_else(|| self.known_final(metric)).or_else(|| self.of_grid(metric))
     }
 
-    /// A number of a held-out grid as `vibes-train evaluate` calls it.
-    fn of_grid(&self, metric: &str) -> Option<(&String, &Series)> {
-        self.series.get_key_value(&format!("{NUMBERS}{metric}{ESTIMATE}"))
+    /// Every metric that it has a number of.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.series.keys().chain(self.finals.keys()).map(String::as_str)
     }
 
-    /// Where a metric ended: the last evaluation's number, else the mean of its last tenth, at least one value. Of two of one name it is the number of the held-out grid, not of
+    /// A number of a held-out grid as `vibes-train evaluate` calls it, by its full name.
+    fn of_grid(&self, metric: &str) -> Option<&str> {
+        let name = format!("{NUMBERS}{metric}{ESTIMATE}");
+        self.series.get_key_value(&name).map(|(name, _)| name.as_str()).or_else(|| self.known_final(&name))
+    }
+
+    fn known_final(&self, name: &str) -> Option<&str> {
+        self.finals.get_key_value(name).map(|(name, _)| name.as_str())
+    }
+
+    /// What must be known of its numbers, a sentence each.
+    #[must_use]
+    pub fn remarks(&self) -> Vec<String> {
+        let fact = |file: &String| {
+            let name = &self.name;
+            format!(
+                "{name}/{file} is left out: its grid is among what the run was trained on, or what was fitted for it, and so is not held out"
+            )
+        };
+        self.not_held_out.iter().map(fact).chain(self.remarks.iter().cloned()).collect()
+    }
+
+    /// Where a metric ended: the number of `vibes-train evaluate` of the newest checkpoint that it judged, else of the last evaluation, else the mean of its last tenth, at least one value. Of two of one name it is the number of the held-out grid, not of
     /// the batches.
     #[must_use]
     pub fn final_value(&self, metric: &str) -> Option<f64> {
-        let found = self.of_grid(metric).or_else(|| self.series.get_key_value(metric));
-        let name = found.map_or(metric, |(name, _)| name);
+        let name = self.of_grid(metric).unwrap_or(metric);
         if let Some(value) = self.finals.get(name) {
             return Some(*value);
         }
-        let series = found.map(|(_, series)| series).filter(|series| !series.is_empty())?;
+        let series = self.series.get(name).filter(|series| !series.is_empty())?;
         // Evaluations are whole, as the lines of training batches are not.
         if name.strip_prefix(HELD_OUT).is_some_and(|rest| rest.starts_with('.')) {
             return series.last().map(|point| point.1);
@@ -212,20 +296,27 @@ fn at(passed: &[(f64, f64)], update: Option<f64>) -> f64 {
 ///
 /// # Errors
 /// [`InputError::Document`]: one is damaged.
-fn evaluations(run: &Path) -> Result<Vec<Value>, InputError> {
+fn evaluations(run: &Path) -> Result<Vec<(PathBuf, Value)>, InputError> {
     let entries = std::fs::read_dir(run).into_iter().flatten().flatten().map(|entry| entry.path());
     let named = |path: &PathBuf| {
-        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let name = name_of(path);
         name.starts_with("evaluation") && name.ends_with(".json")
     };
     let mut paths: Vec<PathBuf> = entries.filter(named).collect();
     paths.sort();
-    let read = |path: &PathBuf| {
-        let bytes = std::fs::read(path).map_err(|error| error.to_string());
+    let read = |path: PathBuf| {
+        let bytes = std::fs::read(&path).map_err(|error| error.to_string());
         let document = bytes.and_then(|bytes| serde_json::from_slice(&bytes).map_err(|error| error.to_string()));
-        document.map_err(|fact| InputError::Document { fact, path: path.clone() })
+        match document {
+            Ok(document) => Ok((path, document)),
+            Err(fact) => Err(InputError::Document { fact, path }),
+        }
     };
-    paths.iter().map(read).collect()
+    paths.into_iter().map(read).collect()
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 /// The update of the checkpoint that a document is about, from its path `…/checkpoints/000500/model.safetensors`.
@@ -301,6 +392,7 @@ mod tests {
         assert_eq!(run.series.len(), 4);
         assert_eq!(run.full_name("state_share"), Some("held_out.numbers.state_share.estimate"));
         assert_eq!((run.final_value("state_share"), run.final_value("loss")), (Some(0.25), Some(1.5)));
+        assert_eq!(run.final_value("retrieval_same_step@1"), Some(0.9), "that of `evaluate`, of the newest checkpoint");
         assert_eq!((run.full_name("loss"), run.full_name("state")), (Some("loss"), None));
         write(
             "metrics.jsonl",
@@ -312,6 +404,60 @@ mod tests {
             vec![(9000.0, 0.5)],
             "in the metrics' own clock"
         );
+    }
+
+    #[test]
+    fn what_is_not_held_out_is_left_out_and_named() {
+        let dir = tempfile::tempdir().expect("folder");
+        let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).expect("file");
+        write("metrics.jsonl", "{\"update\":100,\"loss\":2.5}\n");
+        write(
+            "evaluations.jsonl",
+            "{\"update\":100,\"is_held_out\":false,\"numbers\":{\"state_share\":{\"estimate\":0.25}}}\n",
+        );
+        write(
+            "evaluation.json",
+            "{\"is_held_out\":false,\"report\":{\"numbers\":{\"state_share\":{\"estimate\":0.5}}}}",
+        );
+        let run = Run::read(dir.path()).expect("run");
+        assert_eq!((run.full_name("state_share"), run.remarks().len()), (None, 2));
+        assert!(run.remarks()[0].contains("/evaluation.json is left out"), "{:?}", run.remarks());
+        // A grid that is held out counts beside one that is not.
+        write(
+            "evaluation-new.json",
+            "{\"checkpoint\":\"checkpoints/000100/model.safetensors\",\"report\":{\"numbers\":{\"state_share\":{\"estimate\":0.5}}}}",
+        );
+        assert_eq!(Run::read(dir.path()).expect("run").final_value("state_share"), Some(0.5));
+    }
+
+    #[test]
+    fn several_grids_of_one_checkpoint_and_an_older_one_are_told() {
+        let dir = tempfile::tempdir().expect("folder");
+        let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).expect("file");
+        write("metrics.jsonl", "{\"update\":100,\"loss\":2.5}\n");
+        write("evaluations.jsonl", "{\"update\":50,\"numbers\":{\"state_share\":{\"estimate\":0.25}}}\n");
+        for (file, grid, update, name, share) in [
+            ("evaluation-1000.json", "../new", 100, "probe_cross_validated/angle/s", 0.5),
+            ("evaluation-200.json", "../old", 20, "state_share", 0.125),
+            ("evaluation-final.json", "../final", 100, "state_share", 0.75),
+        ] {
+            let text = format!(
+                "{{\"grid\":\"{grid}\",\"checkpoint\":\"checkpoints/{update:06}/model.safetensors\",\"report\":{{\"numbers\":{{\"{name}\":{{\"estimate\":{share}}}}}}}}}"
+            );
+            write(file, &text);
+        }
+        std::fs::create_dir_all(dir.path().join("checkpoints/000300")).expect("folder");
+        let run = Run::read(dir.path()).expect("run");
+        assert_eq!(
+            run.final_value("state_share"),
+            Some(0.75),
+            "of the newest checkpoint, whatever the files are called"
+        );
+        let probe = "probe_cross_validated/angle/s";
+        assert_eq!(run.final_value(probe), Some(0.5), "no point of a curve, and known by its name");
+        assert!(run.full_name(probe).is_some() && run.names().any(|name| name.ends_with("angle/s.estimate")));
+        let remarks = run.remarks().join("\n");
+        assert!(remarks.contains("../final, ../new") && remarks.contains("gone on to 300"), "{remarks}");
     }
 
     /// It has starts of its own, and evaluations know their own control steps.

@@ -120,6 +120,36 @@ fn a_column_whose_first_value_is_a_whole_number_may_hold_fractions() {
     assert_eq!(read.columns[0].1, UserColumn::Numbers(vec![1.0, 2.5, 3.0]));
 }
 
+/// Each by itself would lose its own mean, and the distance between the two with it.
+#[test]
+fn tables_that_are_measured_against_each_other_have_one_origin() {
+    let dir = tempfile::tempdir().expect("folder");
+    let write = |name: &str, from: f64| {
+        let line = |row: u32| {
+            let x = from + 1e-7 * f64::from(row * 37 % 41);
+            format!("0,{row},{x},{}\n", -x)
+        };
+        let path = dir.path().join(name);
+        let lines: String = (0..40).map(line).collect();
+        std::fs::write(&path, format!("episode,step,latent_0,latent_1\n{lines}")).expect("CSV");
+        path
+    };
+    let (one, other) = (write("one.csv", 1000.0), write("other.csv", 1000.000_005));
+    let (read, origin) = read_with_origin(&one, &Asked::default()).unwrap_or_else(|e| panic!("{e}"));
+    assert!(origin != Origin::default() && read.remarks.len() == 1, "{:?}", read.remarks);
+    let beside = read_beside(&other, &Asked::default(), &origin).unwrap_or_else(|e| panic!("{e}"));
+    for (a, b) in read.latents.latent.chunks(2).zip(beside.latents.latent.chunks(2)) {
+        let apart = [b[0] - a[0], a[1] - b[1]];
+        assert!(apart.iter().all(|by| (by - 5e-6).abs() < 1e-9), "{apart:?}");
+    }
+    assert_eq!(beside.remarks.last().map(String::as_str), Some(MOVED));
+    // Beside latents that nothing was taken away from, they lie where they lay.
+    let plain = read_beside(&other, &Asked::default(), &Origin::default()).unwrap_or_else(|e| panic!("{e}"));
+    assert!(plain.latents.latent.iter().all(|x| (x.abs() - 1000.0).abs() < 0.001));
+    let again = read_beside(&one, &Asked::default(), &origin).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!((again.latents, again.remarks), (read.latents, read.remarks));
+}
+
 #[test]
 fn a_dimension_of_the_latents_is_a_column_like_any_other() {
     let wanted: Vec<f64> = wanted().latent.chunks(DIMS).map(|row| f64::from(row[1])).collect();

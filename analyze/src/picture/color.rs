@@ -52,10 +52,22 @@ pub const KINDS: [Color; 7] = [
     Color::new(240, 228, 66),
 ];
 
+/// Dash and gap of lines, points, one for each round of the colours; none is a solid line.
+const DASHES: [Option<(f64, f64)>; 3] = [None, Some((3.0, 1.6)), Some((1.1, 1.4))];
+
+/// Lines that are told apart by colour and dash together.
+pub const LINES: usize = KINDS.len() * DASHES.len();
+
 /// The colour of the i-th kind; after seven the colours repeat.
 #[must_use]
 pub fn kind(i: usize) -> Color {
     KINDS[i % KINDS.len()]
+}
+
+/// Dash and gap of the i-th kind's line, points: where colours repeat, lines are dashed.
+#[must_use]
+pub fn dash(i: usize) -> Option<(f64, f64)> {
+    DASHES[i / KINDS.len() % DASHES.len()]
 }
 
 /// Viridis at `t` in 0..=1, by a polynomial of degree six (largest error 3/255 against matplotlib's table).
@@ -88,6 +100,14 @@ mod tests {
             let got = viridis(t).rgb;
             assert!(got.iter().zip(want).all(|(&g, w)| g.abs_diff(w) <= 4), "{t}: {got:?} vs {want:?}");
         }
+    }
+
+    #[test]
+    fn lines_of_one_colour_have_different_dashes() {
+        for i in 0..LINES {
+            assert!((0..i).all(|other| (kind(other), dash(other)) != (kind(i), dash(i))), "{i}");
+        }
+        assert_eq!((dash(0), dash(KINDS.len() - 1), dash(LINES)), (None, None, None));
     }
 
     #[test]

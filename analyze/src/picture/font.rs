@@ -90,6 +90,26 @@ pub fn fit(text: &str, size: f64, weight: Weight, room: f64) -> String {
     String::new()
 }
 
+/// The text cut to a width (points) in its middle, with an ellipsis if anything was cut: names of runs and of what is shown of them mostly differ at their
+/// ends.
+#[must_use]
+pub fn fit_ends(text: &str, size: f64, weight: Weight, room: f64) -> String {
+    if width(text, size, weight) <= room {
+        return text.to_string();
+    }
+    let signs: Vec<char> = text.chars().collect();
+    for kept in (2..signs.len()).rev() {
+        // Most is the end's, where a number of a run stands before what is shown of it.
+        let (head, tail) = (&signs[..kept / 4], &signs[signs.len() - (kept - kept / 4)..]);
+        let (head, tail): (String, String) = (head.iter().collect(), tail.iter().collect());
+        let shorter = format!("{}…{}", head.trim_end(), tail.trim_start());
+        if width(&shorter, size, weight) <= room {
+            return shorter;
+        }
+    }
+    fit(text, size, weight, room)
+}
+
 /// The text broken at spaces into lines no wider than `room` points (a longer word stands alone).
 #[must_use]
 pub fn wrap(text: &str, size: f64, weight: Weight, room: f64) -> Vec<String> {
@@ -160,6 +180,25 @@ mod tests {
         let cut = fit("latent dimension seventeen", 7.0, Weight::Regular, 50.0);
         assert!(cut.ends_with('…') && width(&cut, 7.0, Weight::Regular) <= 50.0, "{cut}");
         assert_eq!(fit("short", 7.0, Weight::Regular, 50.0), "short");
+    }
+
+    #[test]
+    fn names_that_differ_at_the_end_stay_different_when_they_are_cut() {
+        let cut = |text: &str| fit_ends(text, 6.5, Weight::Regular, 68.0);
+        let names = [
+            "cartpole-no-adversary-1: shown",
+            "cartpole-no-adversary-1: predicted",
+            "cartpole-no-adversary-2: predicted",
+            "cartpole-swingup-vibes-seed-1",
+            "cartpole-swingup-vibes-seed-2",
+        ];
+        let cuts = names.map(cut);
+        for (i, one) in cuts.iter().enumerate() {
+            assert!(one.contains('…') && width(one, 6.5, Weight::Regular) <= 68.0, "{one}");
+            assert!(cuts[i + 1..].iter().all(|other| other != one), "{cuts:?}");
+        }
+        assert_eq!((cut("vibes: shown").as_str(), cut("").as_str()), ("vibes: shown", ""));
+        assert_eq!(fit_ends("vibes", 6.5, Weight::Regular, 0.0), "");
     }
 
     #[test]

@@ -78,7 +78,7 @@ pub(super) struct RecordArgs {
     /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite pixel by pixel [default: that of a trained run, or fast].
     #[arg(long)]
     render: Option<Look>,
-    /// Control steps per agent step [default: the task's].
+    /// Control steps per agent step [default: those of a trained run, or the task's].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_ACTION_REPEAT)))]
     action_repeat: Option<u32>,
     /// Agent steps per episode [default: 1000 control steps].
@@ -270,7 +270,8 @@ pub(super) fn record_with_progress(
             let source: VideoSource = serde_json::from_value(recording.manifest().options["videos"].clone()).ok()?;
             Some(source.name())
         });
-        let said = Said { recording: folder, episodes, seconds: meter.seconds(), protocol, videos, returns };
+        let look = protocol.and_then(|_| recording.manifest().options["look"].as_str());
+        let said = Said { recording: folder, episodes, seconds: meter.seconds(), protocol, videos, look, returns };
         println!("{}", serde_json::to_string(&said)?);
     } else if !output.quiet {
         if rows.into_inner() == 0 {
@@ -296,6 +297,9 @@ struct Said<'a> {
     /// Where the videos of a protocol come from: `procedural`, or the name of a folder.
     #[serde(skip_serializing_if = "Option::is_none")]
     videos: Option<String>,
+    /// How the pictures were drawn that the policy saw under a protocol, which leaves that free.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    look: Option<&'a str>,
     #[serde(flatten)]
     returns: Option<Returns>,
 }

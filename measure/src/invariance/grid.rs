@@ -67,6 +67,11 @@ impl<'a> Grid<'a> {
     /// As [`Grid::new`], if fewer than two states or distractors remain.
     pub fn of_complete_part(table: Table<'a>) -> Result<Self, Error> {
         let (cells, mut states, mut distractors) = cells(&table)?;
+        // Known at once of views, each under a distractor of its own; to leave out one of thousands after the other would take hours.
+        if states.len() > 1 && cells.len() == distractors.len() {
+            let what = "the invariance split: states under one distractor";
+            return Err(Error::TooFewRows { what, needed: 2, found: 1 });
+        }
         let mut dropped = Dropped::default();
         loop {
             let missing = missing(&cells, &states, &distractors);

@@ -65,6 +65,23 @@ fn latents_that_differ_between_steps_alone_have_no_shares() {
     }
 }
 
+/// In a unit that single precision has exactly and in one of which the sums leave rounding. Where steps lie says nothing about it.
+#[test]
+fn shares_that_rest_on_one_trajectory_have_no_interval() {
+    for unit in [1.0, 0.1] {
+        let of_state = |i: u32| if i == 0 { unit } else { 0.0 };
+        let rows = Rows::new(4, 4, 3, |i, _, _| vec![of_state(i), 0.7]);
+        let split = variance(&Grid::new(rows.table()).unwrap()).unwrap();
+        assert!((split.state.estimate - 1.0).abs() < 1e-9, "{split:?}");
+        for share in [split.state, split.distractor, split.interaction, split.within_state] {
+            assert!(share.low.is_nan() && share.high.is_nan(), "{unit}: {share:?}");
+        }
+        let rows = Rows::new(5, 7, 3, |i, j, t| vec![of_state(j), 0.01 * of_state(i) * of_state(j), 300.0 * t as f32]);
+        let split = variance(&Grid::new(rows.table()).unwrap()).unwrap();
+        assert!(split.distractor.estimate > 0.9 && split.distractor.low.is_nan(), "{unit}: {split:?}");
+    }
+}
+
 /// Effects of known size: the state moves the first dimension by ±2, the distractor the second by ±1, their product the third by ±0.5.
 #[test]
 fn the_split_of_known_effects_is_the_known_split() {
@@ -274,6 +291,11 @@ fn holes_are_an_error_or_leave_out_their_states() {
     assert!(matches!(Grid::new(no_grid), Err(Error::NoGrid)));
     let row = Rows::new(1, 3, 5, |_, j, t| vec![j as f32, t as f32]);
     assert!(matches!(Grid::new(row.table()), Err(Error::TooFewRows { .. })));
+    // Views that lie in no cells, each of them under a distractor of its own: one state would be left out after the other.
+    let mut views = Rows::new(300, 3, 1, |i, j, _| vec![i as f32, j as f32]);
+    views.distractor = views.episode.iter().copied().map(Some).collect();
+    let refused = Grid::of_complete_part(views.table());
+    assert!(matches!(refused, Err(Error::TooFewRows { needed: 2, found: 1, .. })));
     let mut twice = Rows::new(2, 2, 5, |i, j, t| vec![i as f32, j as f32, t as f32]);
     twice.step[3] = 2;
     assert!(matches!(Grid::new(twice.table()), Err(Error::RepeatedStep { state: 0, distractor: 0, step: 2 })));

@@ -76,21 +76,19 @@ pub struct StepShares {
 }
 
 /// Split the variance of a grid's latents. Intervals are over both kinds of trajectories: each is left out in turn (see [`crossed`]);
-/// none with fewer than three states or distractors.
+/// none with fewer than three states or distractors, nor where nothing varies without one of them.
 ///
 /// # Errors
 /// All cells have the same latent at every step.
 pub fn variance(grid: &Grid<'_>) -> Result<VarianceSplit, Error> {
-    let mean = grand_mean(grid);
-    let steps: Vec<LeftOut<Sums>> =
-        (0..grid.steps().len()).into_par_iter().map(|step| split_at(grid, step, &mean)).collect();
+    let steps: Vec<LeftOut<Sums>> = (0..grid.steps().len()).into_par_iter().map(|step| split_at(grid, step)).collect();
     let mut all = LeftOut::zero(grid);
     steps.iter().for_each(|step| all.add(step));
     let whole = all.whole;
     if whole.total() <= 0.0 {
         return Err(Error::AlikeAtEveryStep { cells: grid.states().len() * grid.distractors().len() });
     }
-    let overall = overall(grid, &mean);
+    let overall = overall(grid, &mean(grid, &grid.rows));
     let interval = |share: fn(&Sums) -> f64| all.share(&all, share, Sums::total);
     let shares = |(step, sums): (&u32, &LeftOut<Sums>)| {
         let (sums, total) = (sums.whole, sums.whole.total());
@@ -130,6 +128,16 @@ impl Sums {
     fn total(&self) -> f64 {
         self.state + self.distractor + self.interaction
     }
+
+    /// Nothing, if that is what is left of sums of such `squares` but for rounding: its shares would be of anything.
+    fn unless_rounding(self, squares: f64) -> Self {
+        if is_rounding(self.total(), squares) { Self::default() } else { self }
+    }
+}
+
+/// Whether a difference of sums of `squares` is what rounding leaves where nothing varies: 4e-15 of them in a grid of 40 × 40, and more in a larger one.
+fn is_rounding(difference: f64, squares: f64) -> bool {
+    difference <= 1e-12 * squares
 }
 
 /// A quantity of the whole grid, and of the grid without each of its state and distractor trajectories.
@@ -175,13 +183,15 @@ impl LeftOut<Sums> {
 }
 
 /// The sums of one step, of the whole grid and without each trajectory: all from the sums over rows, columns and the grid.
-fn split_at(grid: &Grid<'_>, step: usize, centre: &[f64]) -> LeftOut<Sums> {
-    let (states, distractors, dims) = (grid.states().len(), grid.distractors().len(), centre.len());
+fn split_at(grid: &Grid<'_>, step: usize) -> LeftOut<Sums> {
+    let (states, distractors, dims) = (grid.states().len(), grid.distractors().len(), grid.table().dims());
     let (n, m) = (states as f64, distractors as f64);
-    let mut cells = Vec::with_capacity(states * distractors * dims);
-    for (state, distractor) in grid_cells(grid) {
-        let latent = grid.table().row(grid.row(state, distractor, step));
-        cells.extend(latent.iter().zip(centre).map(|(&z, centre)| f64::from(z) - centre));
+    let rows: Vec<usize> = grid_cells(grid).map(|(state, distractor)| grid.row(state, distractor, step)).collect();
+    // Of this step alone: what differs between steps is no part of the split, and rounding is to be seen beside what is.
+    let centre = mean(grid, &rows);
+    let mut cells = Vec::with_capacity(rows.len() * dims);
+    for &row in &rows {
+        cells.extend(grid.table().row(row).iter().zip(&centre).map(|(&z, centre)| f64::from(z) - centre));
     }
     let cell = |state: usize, distractor: usize| {
         let at = (state * distractors + distractor) * dims;
@@ -199,13 +209,14 @@ fn split_at(grid: &Grid<'_>, step: usize, centre: &[f64]) -> LeftOut<Sums> {
     let without_state = |state: usize| {
         let row = &rows.sums[state];
         let columns = (0..distractors).map(|j| apart(&columns.sums[j], cell(state, j))).sum();
-        Sums::of(n - 1.0, m, rows.norms() - norm(row), columns, apart(&all, row), squares - rows.squares[state])
+        let left = squares - rows.squares[state];
+        Sums::of(n - 1.0, m, rows.norms() - norm(row), columns, apart(&all, row), left).unless_rounding(squares)
     };
     let without_distractor = |distractor: usize| {
         let column = &columns.sums[distractor];
         let rows = (0..states).map(|i| apart(&rows.sums[i], cell(i, distractor))).sum();
-        let squares = squares - columns.squares[distractor];
-        Sums::of(n, m - 1.0, rows, columns.norms() - norm(column), apart(&all, column), squares)
+        let left = squares - columns.squares[distractor];
+        Sums::of(n, m - 1.0, rows, columns.norms() - norm(column), apart(&all, column), left).unless_rounding(squares)
     };
     LeftOut {
         whole,
@@ -274,6 +285,7 @@ fn overall(grid: &Grid<'_>, centre: &[f64]) -> LeftOut<f64> {
     };
     let cells: Vec<(usize, usize)> = grid_cells(grid).collect();
     let of_cells: Vec<(f64, Vec<f64>)> = cells.par_iter().map(|&cell| of_cell(cell)).collect();
+    let all: f64 = of_cells.iter().map(|cell| cell.0).sum();
     let over = |kept: &dyn Fn(usize, usize) -> bool| {
         let (mut count, mut squares, mut sum) = (0.0, 0.0, vec![0.0; dims]);
         for (_, cell) in cells.iter().zip(&of_cells).filter(|((i, j), _)| kept(*i, *j)) {
@@ -281,7 +293,8 @@ fn overall(grid: &Grid<'_>, centre: &[f64]) -> LeftOut<f64> {
             squares += cell.0;
             sum = plus(sum, &cell.1);
         }
-        squares - norm(&sum) / count
+        let about_their_mean = squares - norm(&sum) / count;
+        if is_rounding(about_their_mean, all) { 0.0 } else { about_their_mean }
     };
     LeftOut {
         whole: over(&|_, _| true),
@@ -290,11 +303,11 @@ fn overall(grid: &Grid<'_>, centre: &[f64]) -> LeftOut<f64> {
     }
 }
 
-/// Taken off every latent first: sums of squares of numbers near 0 keep their digits.
-fn grand_mean(grid: &Grid<'_>) -> Vec<f64> {
+/// The mean of some rows. Taken off every latent first: sums of squares of numbers near 0 keep their digits.
+fn mean(grid: &Grid<'_>, rows: &[usize]) -> Vec<f64> {
     let mut sum = vec![0.0; grid.table().dims()];
-    for &row in &grid.rows {
+    for &row in rows {
         sum.iter_mut().zip(grid.table().row(row)).for_each(|(sum, &z)| *sum += f64::from(z));
     }
-    sum.iter().map(|sum| sum / grid.rows.len() as f64).collect()
+    sum.iter().map(|sum| sum / rows.len() as f64).collect()
 }

@@ -92,7 +92,8 @@ impl HasAvx2 {
     /// If the processor does not have them.
     #[inline]
     pub(super) fn checked() -> Self {
-        assert!(Instructions::Avx2.available(), "AVX2 asked for on a processor without it");
+        static KNOWN: OnceLock<bool> = OnceLock::new();
+        assert!(*KNOWN.get_or_init(|| Instructions::Avx2.available()), "AVX2 asked for on a processor without it");
         Self(())
     }
 
@@ -118,7 +119,8 @@ impl HasAvx512 {
     /// If the processor does not have them.
     #[inline]
     pub(super) fn checked() -> Self {
-        assert!(Instructions::Avx512.available(), "AVX-512 asked for on a processor without it");
+        static KNOWN: OnceLock<bool> = OnceLock::new();
+        assert!(*KNOWN.get_or_init(|| Instructions::Avx512.available()), "AVX-512 asked for on a processor without it");
         Self(())
     }
 

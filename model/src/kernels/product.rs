@@ -84,20 +84,29 @@ impl<'a, const ROW: usize, const STEP: usize> Left<'a, ROW, STEP> {
         for start in (0..rows).step_by(TILE) {
             let count = TILE.min(rows - start);
             let out = &mut out[start * PANEL..(start + count) * PANEL];
-            self.rows_from(start).tile(columns <= HALF, right, count, out, add, instructions);
+            self.tile([start, count], columns <= HALF, right, out, add, instructions);
         }
     }
 
-    fn tile(&self, half: bool, right: &[f32], rows: usize, out: &mut [f32], add: bool, instructions: Instructions) {
-        if !add && (half || self.shape.k() == 0) {
-            out.fill(0.0);
-        }
+    /// `rows` rows from row `start` on.
+    fn tile(
+        &self,
+        [start, rows]: [usize; 2],
+        half: bool,
+        right: &[f32],
+        out: &mut [f32],
+        add: bool,
+        instructions: Instructions,
+    ) {
         if self.shape.k() == 0 {
+            if !add {
+                out.fill(0.0);
+            }
             return;
         }
-        let left = &self.data[..=self.shape.reach::<ROW, STEP>(rows)];
+        let left = &self.data[start * ROW..][..=self.shape.reach::<ROW, STEP>(rows)];
         let out = &mut out[..rows * PANEL];
-        let tile = Tile { shape: self.shape, half, rows, add };
+        let tile = Tile { shape: &self.shape, half, rows, add };
         match instructions {
             #[cfg(target_arch = "x86_64")]
             Instructions::Avx512 => avx512::tile::<ROW, STEP>(tile, left, right, out),
@@ -110,15 +119,16 @@ impl<'a, const ROW: usize, const STEP: usize> Left<'a, ROW, STEP> {
 
 /// One tile of a product.
 #[derive(Clone, Copy)]
-struct Tile {
-    shape: Shape,
+struct Tile<'a> {
+    /// Where it lies, not a copy of it: a copy is read two numbers at a time, which have just been written one by one, and so waits for everything that was written before.
+    shape: &'a Shape,
     /// Only the first half of the panel's columns.
     half: bool,
     rows: usize,
     add: bool,
 }
 
-impl Tile {
+impl Tile<'_> {
     /// That the slices hold all that is read and written. The sets of instructions ask in every build, as what they do is sound only then: a few comparisons a tile.
     #[cfg(target_arch = "x86_64")]
     fn check<const ROW: usize, const STEP: usize>(self, left: &[f32], right: &[f32], out: &[f32]) {
@@ -149,18 +159,18 @@ struct Shape {
 impl Shape {
     /// How many numbers are summed.
     #[inline(always)]
-    fn k(self) -> usize {
+    fn k(&self) -> usize {
         if self.outer == 0 { 0 } else { (self.outer - 1) * self.inner + self.last }
     }
 
     /// How many of line `outer`.
     #[inline(always)]
-    fn of_line(self, outer: usize) -> usize {
+    fn of_line(&self, outer: usize) -> usize {
         if outer + 1 == self.outer { self.last } else { self.inner }
     }
 
     /// Where the last number lies that the left side's rows reach, some being summed.
-    fn reach<const ROW: usize, const STEP: usize>(self, rows: usize) -> usize {
+    fn reach<const ROW: usize, const STEP: usize>(&self, rows: usize) -> usize {
         let line = |outer: usize, count: usize| outer * self.outer_step + count.saturating_sub(1) * STEP;
         let before = if self.outer > 1 { line(self.outer - 2, self.inner) } else { 0 };
         (rows - 1) * ROW + before.max(line(self.outer - 1, self.last))

@@ -70,6 +70,19 @@ impl Sheet {
         &mut self.data[start..start + count * PANEL]
     }
 
+    /// `count` rows of several panels that do not overlap, each from a row of its own on, to be written.
+    ///
+    /// # Panics
+    /// If two of them overlap.
+    #[inline(always)]
+    pub(super) fn parts_mut<const N: usize>(&mut self, places: [(usize, usize); N], count: usize) -> [&mut [f32]; N] {
+        let ranges = places.map(|(panel, at)| self.start(panel, at)..self.start(panel, at) + count * PANEL);
+        match self.data.get_disjoint_mut(ranges) {
+            Ok(parts) => parts,
+            Err(error) => panic!("parts of {count} rows at {places:?}: {error}"),
+        }
+    }
+
     /// As the left side of a product: `k` columns from panel `first` on, rows from `at` on.
     fn left(&self, first: usize, k: usize, at: usize) -> Left<'_, PANEL, 1> {
         Left::panels(&self.data[self.start(first, at)..], self.rows, k)

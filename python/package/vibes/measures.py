@@ -235,7 +235,7 @@ def umap(
     min_dist: float = 0.1,
     spread: float = 1.0,
     epochs: int | None = None,
-    metric: str = "standardized",
+    metric: str = "euclidean",
     seed: int = 0,
 ) -> Numbers:
     """A map of the latents in which neighbours stay neighbours; the same for the same seed, whatever the number of threads.
@@ -245,7 +245,7 @@ def umap(
         neighbours: size of a neighbourhood, the point itself included; 15 unless given, or all rows of a smaller table.
         min_dist, spread: how close points may lie, and the scale of the map.
         epochs: rounds; 500, above 10,000 rows 200, unless given.
-        metric: as in :func:`neighbours`.
+        metric: euclidean, as ``vibes-analyze umap`` has it unless told otherwise (:func:`neighbours` has standardized), standardized or cosine.
         seed: of start and layout.
 
     Returns:
@@ -286,7 +286,11 @@ def symmetry(
 
 
 def effective_rank(table: Table) -> Numbers:
-    """How many dimensions the cloud of latents fills: ``effective_rank`` and the total ``variance``."""
+    """How many dimensions the cloud of all rows of a table fills, on a grid or not: ``effective_rank`` and the total ``variance``, plain numbers without an interval.
+
+    The ``effective_rank`` of :func:`grid_numbers`, which the programs print, is of the complete part of a grid (states and distractors with all their cells,
+    over the steps that all of these have) and has an interval. Both agree, to rounding, where that part is all rows of the table.
+    """
     return table._native.effective_rank()
 
 

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
@@ -10,12 +10,11 @@ use indicatif::ProgressBar;
 use vibes_data::Recording;
 use vibes_model::Model;
 use vibes_model::checkpoint::save_tensors;
-use vibes_train::TrainError;
 use vibes_train::decode::{DecodeOptions, decode, decoder_tensors};
 use vibes_train::run::Run;
 
 use super::device::DeviceArgs;
-use super::{Context, check_place};
+use super::{Context, check_arrow_place};
 
 #[derive(Debug, Args)]
 pub(crate) struct DecodeArgs {
@@ -45,24 +44,12 @@ pub(crate) struct DecodeArgs {
     device: DeviceArgs,
 }
 
-/// That the pictures and the weights beside them can be written, before anything is computed.
-fn check_output(output: &Path, weights: &Path) -> Result<()> {
-    if output == weights {
-        let text = format!(
-            "the decoder's weights are to be written there; name the pictures otherwise, as NAME.arrow: {}",
-            output.display()
-        );
-        anyhow::bail!(TrainError::Options(text));
-    }
-    check_place(output)
-}
-
 pub(crate) fn run(context: &Context, args: &DecodeArgs) -> Result<()> {
     let run = Run::open(&args.run)?;
     let checkpoint = run.newest_model()?;
     let output = args.output.clone().unwrap_or_else(|| args.run.join("decoded.arrow"));
+    check_arrow_place(&output)?;
     let weights = output.with_extension("safetensors");
-    check_output(&output, &weights)?;
     let fit = Recording::open(&args.recording)?;
     let show = args.show.as_ref().map(|path| Recording::open(path)).transpose()?;
     let device = args.device.open()?;

@@ -12,8 +12,8 @@ use vibes_model::trained::Trained;
 use vibes_train::encode::encode_recording;
 use vibes_train::trained::TrainedRun;
 
-use super::Context;
 use super::device::DeviceArgs;
+use super::{Context, check_arrow_place};
 
 #[derive(Debug, Args)]
 pub(crate) struct EncodeArgs {
@@ -37,6 +37,7 @@ pub(crate) fn run(context: &Context, args: &EncodeArgs) -> Result<()> {
     };
     let folder = if args.run.is_file() { args.run.parent().unwrap_or(Path::new("")) } else { &args.run };
     let output = args.output.clone().unwrap_or_else(|| folder.join("latents.arrow"));
+    check_arrow_place(&output)?;
     let recording = Recording::open(&args.recording)?;
     let rows: u64 = recording.episodes().iter().map(|episode| u64::from(episode.steps) + 1).sum();
     let bar =

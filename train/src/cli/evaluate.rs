@@ -118,8 +118,12 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
         check_gaps(model, training, &grid, run.info().options.length)?;
     }
     let fits = args.probe_episodes > 0 || (gap_updates > 0 && matches!(trained, Trained::World(_)));
-    let fitted = if fits { training.as_deref().unwrap_or_default() } else { &[] };
-    let is_held_out = tell_held_out(context, &grid, fitted);
+    // The run was trained on its own recordings, whatever is fitted now.
+    let mut seen = run.open_recordings().unwrap_or_default();
+    if fits {
+        seen.extend(args.fit_on.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>()?);
+    }
+    let is_held_out = tell_held_out(context, &grid, &seen);
     let report = evaluate(trained.encoder(), &grid, to_fit, options, &device)?;
     let gaps = match (gap_updates, &run, &trained) {
         (updates @ 1.., TrainedRun::World(run), Trained::World(model)) => {
@@ -145,19 +149,19 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     Ok(())
 }
 
-/// Whether a grid is a new one; where it is not, that is said.
-pub(crate) fn tell_held_out(context: &Context, grid: &Recording, fitted: &[Recording]) -> bool {
-    let is_new = is_held_out(grid, fitted);
+/// Whether a grid is new beside the recordings that were trained or fitted on; where it is not, that is said.
+pub(crate) fn tell_held_out(context: &Context, grid: &Recording, seen: &[Recording]) -> bool {
+    let is_new = is_held_out(grid, seen);
     if !is_new && !context.quiet {
         let place = grid.path().display();
         eprintln!(
-            "the grid itself, or an episode of it, is among the recordings that are fitted on, so that its numbers say nothing of new episodes: {place}"
+            "the grid itself, or an episode of it, is among the recordings that are trained or fitted on, so that its numbers say nothing of new episodes: {place}"
         );
     }
-    let (shared, all) = shared_starts(grid, fitted);
+    let (shared, all) = shared_starts(grid, seen);
     if is_new && shared > 0 && !context.quiet {
         eprintln!(
-            "note: {shared} of the grid's {all} state trajectories begin where an episode that is fitted on began (the same seed); record it with another --seed for new states"
+            "note: {shared} of the grid's {all} state trajectories begin where an episode that is trained or fitted on began (the same seed); record it with another --seed for new states"
         );
     }
     is_new

@@ -116,7 +116,7 @@ struct OptionFlags {
     /// Least standard deviation of a predicted reward, in units of --reward-scale.
     #[arg(long)]
     reward_floor: Option<f64>,
-    /// Unit in which the reward model predicts; 0 for the standard deviation of the recordings' rewards (the paper lacks it).
+    /// Unit in which the reward model predicts; 0 for the standard deviation of the recordings' rewards, or 0.3 a control step of the action repeat where there are none (the paper lacks it).
     #[arg(long)]
     reward_scale: Option<f64>,
     /// Added to the first bias of the recurrent networks' update gates (the paper lacks it).

@@ -9,7 +9,7 @@ use vibes_command::{Ending, Given, stop_on_signals};
 use vibes_data::Recording;
 use vibes_train::fit::{End, Event, Go, HeldOut, fit};
 use vibes_train::options::Options;
-use vibes_train::prepare::prepare;
+use vibes_train::prepare::{check_held_out, prepare};
 use vibes_train::run::Run;
 
 use super::device::DeviceArgs;
@@ -60,6 +60,9 @@ pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
     let recordings = args.recordings.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>()?;
     let output = args.output.unwrap_or_else(|| default_run(&args.recordings[0], options.objective.name()));
     let held_out = args.eval.as_ref().map(|path| Recording::open(path)).transpose()?;
+    if let Some(grid) = &held_out {
+        check_held_out(grid, &recordings, &options)?;
+    }
     let held_out = held_out.map(|grid| HeldOut { grid, every: args.eval_every, gap_updates: args.gap_updates });
     let device = args.device.open()?;
     let run = prepare(&output, &recordings, &options, args.from.as_deref())?;

@@ -131,8 +131,14 @@ impl OnlineArgs {
         }
         let path = self.from.run.as_deref().unwrap_or_else(|| Path::new("."));
         let found = Run::open(path)?;
-        let model = self.options.over(&found.info().options)?;
-        check_same(&model, &found.info().options, true)?;
+        let is_online = OnlineOptions::read(path)?.is_some();
+        let mut before = found.info().options.clone();
+        if !is_online {
+            // The minutes of the offline run are over.
+            before.settings.minutes = 0.0;
+        }
+        let model = self.options.over(&before)?;
+        check_same(&model, &before, true)?;
         if let Some(mut options) = OnlineOptions::read(path)? {
             self.check_beginning(Beginning::Again(path))?;
             self.lay_over(&mut options)?;

@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use serde::Serialize;
+use vibes_env::render::Look;
 use vibes_env::videos::VideoSet;
 use vibes_measure::returns::mean_return;
 use vibes_model::ObservationKind;
@@ -70,6 +71,12 @@ pub struct Evaluation {
     /// Where the videos of a protocol came from: `procedural`, or the name of a folder.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub videos: Option<String>,
+    /// How the pictures were drawn under a protocol, which leaves that free.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub look: Option<Look>,
+    /// Side of the pictures under a protocol, in pixels, which it leaves free too.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub size: Option<u32>,
     /// Under held-out videos.
     pub held_out: Returns,
     /// Under training videos.
@@ -139,7 +146,8 @@ pub fn evaluate(
     let is_over = counters.control_steps >= options.control_steps;
     let protocol = options.protocol.filter(|_| is_over || !is_final);
     let videos = protocol.map(|_| options.world.videos.name());
-    Ok(Some(Evaluation { counters, protocol, videos, held_out, training_videos, gap, is_final }))
+    let (look, size) = (protocol.map(|_| options.world.look), protocol.and(options.world.size));
+    Ok(Some(Evaluation { counters, protocol, videos, look, size, held_out, training_videos, gap, is_final }))
 }
 
 /// Drops the lines of evaluations that a stopped run made after its last checkpoint: those from `next` control steps on, and of a run that was not `finished` there the last

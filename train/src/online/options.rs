@@ -189,10 +189,12 @@ impl OnlineOptions {
         u64::from(if is_given { self.prefill } else { self.prefill.max(1) })
     }
 
-    /// Updates that all the control steps pay for, the first ones included, when an update sees `rows` rows; the random episodes pay for none.
+    /// Updates that a run makes, the first ones included, when an update sees `rows` rows; the random episodes pay for none, and what the last episode pays for is not made any more.
     pub fn whole_updates(&self, rows: usize, is_given: bool) -> u64 {
-        let agent_steps = self.control_steps / u64::from(self.world.action_repeat.max(1));
-        let paying = agent_steps.saturating_sub(self.random_episodes(is_given) * u64::from(self.world.steps));
+        let steps = u64::from(self.world.steps.max(1));
+        let agent_steps = self.control_steps.div_ceil(u64::from(self.world.action_repeat.max(1)));
+        let episodes = agent_steps.div_ceil(steps).saturating_sub(1);
+        let paying = episodes.saturating_sub(self.random_episodes(is_given)) * steps;
         self.first_updates.saturating_add((paying as f64 * self.updates_per_step(rows)) as u64)
     }
 
@@ -285,11 +287,12 @@ impl OnlineOptions {
         if let Some((setting, found, wanted)) = numbers.into_iter().find(|(_, found, wanted)| found != wanted) {
             return refuse(setting, found.to_string(), wanted.to_string());
         }
-        if world.distractors != settings.distractors || world.video_count.is_some() {
+        let count = settings.distractors.difficulty.videos();
+        let counts_alike = world.video_count.is_none_or(|videos| Some(videos) == count);
+        if world.distractors != settings.distractors || !counts_alike {
             let wanted = "all three axes, easy and dynamic, four videos";
             return refuse("the distractors", "others".to_owned(), wanted.to_owned());
         }
-        let count = settings.distractors.difficulty.videos();
         if world.videos != VideoSource::Procedural && !world.videos.is_davis(count.unwrap_or(davis::VAL.len())) {
             let wanted = "of DAVIS 2017, the first of both of its lists, or the built-in ones";
             return refuse("videos", "of another folder".to_owned(), wanted.to_owned());
@@ -441,8 +444,11 @@ mod tests {
             rows_per_step: 64.0,
             ..default_options(default_world("cartpole-swingup").unwrap(), false)
         };
-        assert_eq!(options.whole_updates(128, false), 200 + (10_000 / 8 - 5 * 125) / 2);
-        assert_eq!(OnlineOptions { prefill: 0, ..options.clone() }.whole_updates(128, true), 200 + 10_000 / 8 / 2);
+        assert_eq!(options.whole_updates(128, false), 200 + (10_000 / 8 - 6 * 125) / 2);
+        assert_eq!(
+            OnlineOptions { prefill: 0, ..options.clone() }.whole_updates(128, true),
+            200 + (10_000 / 8 - 125) / 2
+        );
         assert_eq!(OnlineOptions { first_updates: u64::MAX, ..options.clone() }.whole_updates(128, false), u64::MAX);
         assert_eq!(OnlineOptions { control_steps: 100, ..options }.whole_updates(128, false), 200);
     }
@@ -468,7 +474,11 @@ mod tests {
         let options = settled("cartpole-swingup");
         assert_eq!((options.world.action_repeat, options.control_steps, options.final_episodes), (8, 500_000, 100));
         assert!(options.check().is_ok());
-        let changes: [Change; 7] = [
+        let four =
+            OnlineOptions { world: WorldOptions { video_count: Some(4), ..options.world.clone() }, ..options.clone() };
+        assert!(four.check().is_ok(), "as many videos as it has, said in words");
+        let changes: [Change; 8] = [
+            |options| options.world.video_count = Some(8),
             |options| options.world.steps = 10,
             |options| options.evaluate_mode = false,
             |options| options.world.action_repeat = 4,

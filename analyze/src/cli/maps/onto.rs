@@ -10,7 +10,7 @@ use vibes_data::Latents;
 use super::super::wrong;
 use super::checksum;
 use super::layout::place;
-use crate::input::{InputError, find_latents, read_latents};
+use crate::input::{Asked, InputError, Origin, find_latents, read_with_origin};
 use crate::output::MapTable;
 use vibes_measure::Table;
 use vibes_measure::neighbours::{Metric, Space};
@@ -21,6 +21,8 @@ pub(super) struct OldMap {
     pub(super) path: PathBuf,
     pub(super) map: MapTable,
     pub(super) metric: Metric,
+    /// What was taken away from its latents.
+    pub(super) origin: Origin,
     options: UmapOptions,
     latents: Latents,
 }
@@ -51,14 +53,15 @@ impl OldMap {
             Some(named) => named.to_path_buf(),
             None => find_latents(&map.latents, path).ok_or_else(missing)?,
         };
-        let latents = read_latents(&source)?;
+        let (read, origin) = read_with_origin(&source, &Asked::default())?;
+        let latents = read.latents;
         if recipe["latents"] != checksum(&latents).as_str() {
             return Err(wrong(format!(
                 "the map is of other latents (they have changed since, or others were named); make it anew with `vibes-analyze umap`: {}",
                 source.display()
             )));
         }
-        Ok(Self { path: path.into(), map, metric, options, latents })
+        Ok(Self { path: path.into(), map, metric, origin, options, latents })
     }
 
     /// What the map is, for the recipe of what is placed on it.

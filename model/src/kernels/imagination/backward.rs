@@ -118,19 +118,13 @@ impl Carried {
             let [reset, update, candidate, inner] =
                 [0, 1, 2, 3].map(|kind| lane.gates.part(kind * h + panel, from, count));
             let before = lane.x.part(panel, from, count);
-            let mut made = [const { Vec::new() }; 5].map(|_: Vec<f32>| vec![0.0; count * PANEL]);
+            let places = [0, 1, 2].map(|gate| (gate * h + panel, 0));
+            let (to_input, to_hidden) = (input.parts_mut(places, count), hidden.parts_mut(places, count));
+            let through = self.before.part_mut(panel, 0, count);
             instructions.run(
                 #[inline(always)]
-                || gates(after, [reset, update, candidate, inner], before, &mut made),
+                || gates(after, [reset, update, candidate, inner], before, to_input, to_hidden, through),
             );
-            let [to_reset, to_update, to_candidate, to_inner, through] = made;
-            for sheet in [&mut *input, &mut *hidden] {
-                sheet.part_mut(panel, 0, count).copy_from_slice(&to_reset);
-                sheet.part_mut(h + panel, 0, count).copy_from_slice(&to_update);
-            }
-            input.part_mut(2 * h + panel, 0, count).copy_from_slice(&to_candidate);
-            hidden.part_mut(2 * h + panel, 0, count).copy_from_slice(&to_inner);
-            self.before.part_mut(panel, 0, count).copy_from_slice(&through);
         }
         packed.hidden.backward((hidden, 0), (&mut self.before, 0, 0), count, true, instructions);
         packed.input.backward((input, 0), (&mut self.input, 0, 0), count, false, instructions);
@@ -214,13 +208,20 @@ fn through_draw(distribution: ActionDistribution, mean: f32, spread: f32, noise:
 }
 
 #[inline(always)]
-fn gates(after: &[f32], [resets, updates, candidates, inners]: [&[f32]; 4], before: &[f32], made: &mut [Vec<f32>; 5]) {
+fn gates(
+    after: &[f32],
+    [resets, updates, candidates, inners]: [&[f32]; 4],
+    before: &[f32],
+    [to_reset, to_update, to_candidate]: [&mut [f32]; 3],
+    [of_reset, of_update, to_inner]: [&mut [f32]; 3],
+    through: &mut [f32],
+) {
     let count = after.len();
-    let [to_reset, to_update, to_candidate, to_inner, through] = made;
     let (resets, updates, candidates) = (&resets[..count], &updates[..count], &candidates[..count]);
     let (inners, before) = (&inners[..count], &before[..count]);
     let (to_reset, to_update, to_candidate) =
         (&mut to_reset[..count], &mut to_update[..count], &mut to_candidate[..count]);
+    let (of_reset, of_update) = (&mut of_reset[..count], &mut of_update[..count]);
     let (to_inner, through) = (&mut to_inner[..count], &mut through[..count]);
     for i in 0..count {
         let (reset, update, candidate) = (resets[i], updates[i], candidates[i]);
@@ -228,7 +229,9 @@ fn gates(after: &[f32], [resets, updates, candidates, inners]: [&[f32]; 4], befo
         to_candidate[i] = of_candidate;
         to_inner[i] = of_candidate * reset;
         to_reset[i] = of_candidate * inners[i] * reset * (1.0 - reset);
+        of_reset[i] = to_reset[i];
         to_update[i] = after[i] * (before[i] - candidate) * update * (1.0 - update);
+        of_update[i] = to_update[i];
         through[i] = after[i] * update;
     }
 }

@@ -181,17 +181,12 @@ impl Lane {
         for panel in 0..h {
             let given = [0, 1, 2].map(|gate| input.part(gate * h + panel, 0, count));
             let share = [0, 1, 2].map(|gate| hidden.part(gate * h + panel, 0, count));
-            let mut before = vec![0.0; count * PANEL];
-            before.copy_from_slice(self.x.part(panel, from, count));
-            let mut made = [const { Vec::new() }; 4].map(|_: Vec<f32>| vec![0.0; count * PANEL]);
-            let after = self.x.part_mut(panel, from + count, count);
+            let made = self.gates.parts_mut([0, 1, 2, 3].map(|kind| (kind * h + panel, from)), count);
+            let [before, after] = self.x.parts_mut([(panel, from), (panel, from + count)], count);
             instructions.run(
                 #[inline(always)]
-                || gates(given, share, &before, &mut made, after),
+                || gates(given, share, before, made, after),
             );
-            for (kind, made) in made.iter().enumerate() {
-                self.gates.part_mut(kind * h + panel, from, count).copy_from_slice(made);
-            }
         }
     }
 
@@ -222,7 +217,7 @@ struct Scratch {
 }
 
 #[inline(always)]
-fn gates(given: [&[f32]; 3], share: [&[f32]; 3], before: &[f32], made: &mut [Vec<f32>; 4], after: &mut [f32]) {
+fn gates(given: [&[f32]; 3], share: [&[f32]; 3], before: &[f32], made: [&mut [f32]; 4], after: &mut [f32]) {
     let [resets, updates, candidates, inners] = made;
     let count = after.len();
     let [g0, g1, g2] = given.map(|given| &given[..count]);

@@ -21,7 +21,7 @@ const COLUMNS: usize = 16;
 /// # Panics
 /// If a slice is too short.
 #[inline]
-pub(super) fn tile<const ROW: usize, const STEP: usize>(tile: Tile, left: &[f32], right: &[f32], out: &mut [f32]) {
+pub(super) fn tile<const ROW: usize, const STEP: usize>(tile: Tile<'_>, left: &[f32], right: &[f32], out: &mut [f32]) {
     tile.check::<ROW, STEP>(left, right, out);
     let _ = HasAvx2::checked();
     let mut row = 0;
@@ -46,11 +46,14 @@ pub(super) fn tile<const ROW: usize, const STEP: usize>(tile: Tile, left: &[f32]
         }
         row += rows;
     }
+    if tile.half && !tile.add {
+        out.chunks_exact_mut(PANEL).for_each(|row| row[HALF..].fill(0.0));
+    }
 }
 
 #[target_feature(enable = "avx2,fma")]
 unsafe fn fixed<const ROWS: usize, const ROW: usize, const STEP: usize>(
-    shape: Shape,
+    shape: &Shape,
     left: *const f32,
     mut right: *const f32,
     out: *mut f32,

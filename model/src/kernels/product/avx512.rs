@@ -8,7 +8,7 @@ use std::arch::x86_64::{
     __m512, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_set1_ps, _mm512_setzero_ps, _mm512_storeu_ps,
 };
 
-use super::{PANEL, Shape, Tile};
+use super::{HALF, PANEL, Shape, Tile};
 use crate::kernels::instructions::HasAvx512;
 
 /// As [`portable::tile`](super::portable::tile).
@@ -16,7 +16,7 @@ use crate::kernels::instructions::HasAvx512;
 /// # Panics
 /// If a slice is too short, or more than 12 rows are asked for.
 #[inline]
-pub(super) fn tile<const ROW: usize, const STEP: usize>(tile: Tile, left: &[f32], right: &[f32], out: &mut [f32]) {
+pub(super) fn tile<const ROW: usize, const STEP: usize>(tile: Tile<'_>, left: &[f32], right: &[f32], out: &mut [f32]) {
     tile.check::<ROW, STEP>(left, right, out);
     let _ = HasAvx512::checked();
     let run = if tile.half { of_rows::<1, ROW, STEP>(tile.rows) } else { of_rows::<2, ROW, STEP>(tile.rows) };
@@ -25,7 +25,7 @@ pub(super) fn tile<const ROW: usize, const STEP: usize>(tile: Tile, left: &[f32]
     unsafe { run(tile.shape, left.as_ptr(), right.as_ptr(), out.as_mut_ptr(), tile.add) }
 }
 
-type Fixed = unsafe fn(Shape, *const f32, *const f32, *mut f32, bool);
+type Fixed = unsafe fn(&Shape, *const f32, *const f32, *mut f32, bool);
 
 #[inline]
 fn of_rows<const REGISTERS: usize, const ROW: usize, const STEP: usize>(rows: usize) -> Fixed {
@@ -47,7 +47,7 @@ fn of_rows<const REGISTERS: usize, const ROW: usize, const STEP: usize>(rows: us
 
 #[target_feature(enable = "avx512f")]
 unsafe fn fixed<const ROWS: usize, const REGISTERS: usize, const ROW: usize, const STEP: usize>(
-    shape: Shape,
+    shape: &Shape,
     left: *const f32,
     mut right: *const f32,
     out: *mut f32,
@@ -83,6 +83,9 @@ unsafe fn fixed<const ROWS: usize, const REGISTERS: usize, const ROW: usize, con
         for (r, sums) in sums.iter().enumerate() {
             for (part, sum) in sums.iter().enumerate() {
                 _mm512_storeu_ps(out.add(r * PANEL + 16 * part), *sum);
+            }
+            if REGISTERS == 1 && !add {
+                _mm512_storeu_ps(out.add(r * PANEL + HALF), _mm512_setzero_ps());
             }
         }
     }

@@ -6,7 +6,7 @@ use super::{HALF, PANEL, Shape, Tile};
 
 /// Four rows and sixteen columns at a time; the compiler makes vectors of it. Nothing is fused: where the target has no such instruction, a fused sum is a call of a function.
 #[inline(always)]
-pub(super) fn tile<const ROW: usize, const STEP: usize>(tile: Tile, left: &[f32], right: &[f32], out: &mut [f32]) {
+pub(super) fn tile<const ROW: usize, const STEP: usize>(tile: Tile<'_>, left: &[f32], right: &[f32], out: &mut [f32]) {
     let Tile { shape, rows, add, half } = tile;
     for row in (0..rows).step_by(4) {
         for column in (0..if half { HALF } else { PANEL }).step_by(16) {
@@ -20,11 +20,14 @@ pub(super) fn tile<const ROW: usize, const STEP: usize>(tile: Tile, left: &[f32]
             }
         }
     }
+    if half && !add {
+        out.chunks_exact_mut(PANEL).for_each(|row| row[HALF..].fill(0.0));
+    }
 }
 
 #[inline(always)]
 fn block<const ROWS: usize, const ROW: usize, const STEP: usize>(
-    shape: Shape,
+    shape: &Shape,
     left: &[f32],
     right: &[f32],
     out: &mut [f32],

@@ -119,6 +119,39 @@ fn targets_along_recorded_rewards_end_in_imagined_returns() {
     assert!(to_values(targets).iter().all(|target| (target - 10.0).abs() < 1e-4));
 }
 
+/// With rewards and imagined returns that differ from row to row a target of another row would be seen: R(k) is r(k) + γ[(1 − λ) I(k+1) + λ R(k+1)], where R of a window's last row
+/// is the imagined I.
+#[test]
+fn targets_of_a_row_begin_with_its_own_reward_and_the_next_rows_return() {
+    let options = quick(options::dreamer_v3());
+    let learner = learner(&options);
+    let numbers: Vec<f32> = (0..LENGTH * BATCH).map(|row| 0.1 * row as f32).collect();
+    let rows = Replayed { rewards: numbers, ..rows(1.0) };
+    let chosen = rows.chosen(1);
+    let imagined: Vec<f32> = (0..options.horizon * chosen.len()).map(|start| 3.0 + 0.7 * start as f32).collect();
+    let (_, targets) = learner.replay_targets(&rows, &chosen, &imagined, &options).unwrap();
+    let (discount, lambda) = (options.discount as f32, options.lambda as f32);
+    let return_of = |step: usize, window: usize| {
+        let place = chosen.iter().position(|&row| row as usize == step * BATCH + window).unwrap();
+        imagined[place]
+    };
+    let mut wanted = Vec::new();
+    for window in 0..BATCH {
+        let mut target = return_of(LENGTH - 1, window);
+        for step in (1..LENGTH - 1).rev() {
+            let reward = 0.1 * (step * BATCH + window) as f32;
+            target = reward + discount * ((1.0 - lambda) * return_of(step + 1, window) + lambda * target);
+            wanted.push(target);
+        }
+    }
+    let found = to_values(targets);
+    assert_eq!(found.len(), wanted.len());
+    assert!(
+        found.iter().zip(&wanted).all(|(found, wanted)| (found - wanted).abs() < 1e-4),
+        "{found:?}, not {wanted:?}"
+    );
+}
+
 #[test]
 fn while_only_the_critic_learns_the_actor_does_not_move() {
     let options = quick(options::gaussian());
