@@ -119,7 +119,7 @@ impl RecordOptions {
         let whole = vibes_env::EPISODE_CONTROL_STEPS.div_ceil(self.action_repeat);
         let is_own = home.distractors == Some(self.distractors)
             && home.videos.as_ref() == Some(&self.videos)
-            && home.video_count == self.video_count
+            && self.videos_used(home.video_count) == self.videos_used(self.video_count)
             && home.action_repeat == Some(self.action_repeat)
             && home.look == self.look
             && self.steps == whole
@@ -128,6 +128,11 @@ impl RecordOptions {
             && self.grid.is_none()
             && self.episodes >= *episodes;
         is_own.then(|| name.clone())
+    }
+
+    /// How many videos of a set are used, where so many were asked for; the suite's number for the difficulty unless any were.
+    fn videos_used(&self, asked: Option<usize>) -> Option<usize> {
+        asked.or(self.distractors.difficulty.videos())
     }
 }
 
@@ -211,6 +216,8 @@ mod tests {
         let own = options();
         assert_eq!(own.protocol_of(&home).as_deref(), Some("dcs-easy-dynamic-500k"));
         assert_eq!(own.protocol_of(&unfinished), None, "not all control steps");
+        let in_words = RecordOptions { video_count: Some(4), ..own.clone() };
+        assert_eq!(in_words.protocol_of(&home), own.protocol_of(&home), "as many videos as it has");
         let changes: [fn(&mut RecordOptions); 7] = [
             |options| options.look = Look::Suite,
             |options| options.steps = 100,

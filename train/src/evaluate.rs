@@ -17,6 +17,7 @@ use vibes_model::trained::TrainedEncoder;
 
 use crate::encode::check_fit;
 use crate::error::{Result, TrainError};
+use crate::run::Seen;
 
 mod feature_table;
 mod features;
@@ -121,6 +122,12 @@ pub fn is_held_out(grid: &Recording, training: &[Recording]) -> bool {
     !training.iter().any(|recording| {
         is_same_place(recording.path(), grid.path()) || recording.episodes().iter().any(is_of_the_grid)
     })
+}
+
+/// Whether a grid is new to a run; not known where some of what it learned from is gone and none of the rest is the grid's.
+pub fn is_new_to(grid: &Recording, seen: &Seen) -> Option<bool> {
+    let is_new = is_held_out(grid, &seen.recordings);
+    (!is_new || seen.is_whole).then_some(is_new)
 }
 
 /// State trajectories of a grid that begin where an episode of these recordings began, by the seed that both were simulated with, and how many it has. Policies that draw nothing live

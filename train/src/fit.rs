@@ -6,11 +6,11 @@ use serde::Serialize;
 use vibes_data::{Recording, WindowBatch};
 
 use crate::error::Result;
-use crate::evaluate::{EvaluateOptions, GapOptions, Gaps, Report, check_grid, evaluate, gaps, is_held_out};
+use crate::evaluate::{EvaluateOptions, GapOptions, Gaps, Report, check_grid, evaluate, gaps, is_new_to};
 use crate::learners::world::Learner;
 use crate::metrics::Row;
 use crate::options::Options;
-use crate::run::{Run, State};
+use crate::run::{Run, Seen, State};
 use crate::session::{Session, first_learner, out_of_time};
 use crate::windows::{Prefetch, Purpose, Windows, update_rng};
 
@@ -66,8 +66,8 @@ pub struct HeldOut {
 pub struct Evaluation {
     /// Updates made.
     pub update: u64,
-    /// Whether the grid is none of the recordings that are trained on, nor has an episode of theirs.
-    pub is_held_out: bool,
+    /// Whether the grid is none of the recordings that the run has learned from, nor has an episode of theirs; not known where some are gone.
+    pub is_held_out: Option<bool>,
     /// How good the latents are.
     #[serde(flatten)]
     pub report: Report,
@@ -135,7 +135,7 @@ pub fn fit(
     std::thread::scope(|scope| {
         let numbers = state.drawn()..state.carried + options.updates;
         let batches = Prefetch::start(scope, &windows, options.seed, numbers);
-        Training { session, options, device, batches, recordings, held_out }.run(learner, listen)
+        Training { session, options, device, batches, recordings, held_out, seen: run.seen() }.run(learner, listen)
     })
 }
 
@@ -146,6 +146,7 @@ struct Training<'a> {
     batches: Prefetch,
     recordings: &'a [Recording],
     held_out: Option<&'a HeldOut>,
+    seen: Seen,
 }
 
 impl Training<'_> {
@@ -202,7 +203,7 @@ impl Training<'_> {
                     Some(gaps(&learner.model, self.recordings, &held_out.grid, options, self.device)?)
                 }
             };
-            let is_held_out = is_held_out(&held_out.grid, self.recordings);
+            let is_held_out = is_new_to(&held_out.grid, &self.seen);
             let evaluation = Evaluation { update, is_held_out, report, gaps };
             self.session.evaluated(&evaluation)?;
             listen(Event::Evaluated(&evaluation));

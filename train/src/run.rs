@@ -77,6 +77,28 @@ pub struct Run {
     _lock: Option<Arc<FolderLock>>,
 }
 
+/// Recordings that a run's weights have learned from, as far as they are still there.
+#[derive(Debug, Clone)]
+pub struct Seen {
+    /// Those that are there.
+    pub recordings: Vec<Recording>,
+    /// Whether none is gone.
+    pub is_whole: bool,
+}
+
+impl Seen {
+    fn add(&mut self, run: &Run) {
+        let left = run.recordings_left();
+        self.is_whole &= left.len() == run.info.recordings.len();
+        self.recordings.extend(left);
+        match Recording::open(&run.path().join("replay")) {
+            Ok(replay) => self.recordings.push(replay),
+            // A kept copy has none.
+            Err(_gone) => self.is_whole &= !run.path().join("online.json").exists(),
+        }
+    }
+}
+
 impl Run {
     /// Begins a run, or opens the one that is there if it was begun with the same options; this process owns the folder until the run is dropped.
     ///
@@ -193,6 +215,19 @@ impl Run {
     /// Those of them that are still there.
     pub fn recordings_left(&self) -> Vec<Recording> {
         self.info.recordings.iter().filter_map(|place| self.open_recording(place).ok()).collect()
+    }
+
+    /// What its weights have learned from, those of the runs that it goes on from included, and what it lived through itself.
+    pub fn seen(&self) -> Seen {
+        let mut seen = Seen { recordings: Vec::new(), is_whole: true };
+        seen.add(self);
+        let mut from = self.open_from();
+        while let Ok(Some(before)) = from {
+            seen.add(&before);
+            from = before.open_from();
+        }
+        seen.is_whole &= from.is_ok();
+        seen
     }
 
     fn open_recording(&self, place: &str) -> Result<Recording> {

@@ -255,6 +255,9 @@ fn held_out(page: &mut String, evaluations: &[Json]) {
         let cells: Vec<String> = numbers.chain(gaps).collect();
         push(page, &format!("| {} | {} |", line["update"].as_u64().unwrap_or(0), cells.join(" | ")));
     }
+    if shown(evaluations.len()).into_iter().any(|index| evaluations[index]["is_held_out"] == false) {
+        push(page, "\nThe grid is among what the run was trained on: these numbers say nothing of new episodes.");
+    }
     let last = evaluations.last().unwrap_or(&Json::Null);
     let of = |name: &str, what: &str| number(last, name, what).unwrap_or(f64::NAN);
     let beside = RETRIEVALS.map(|name| {

@@ -9,7 +9,7 @@ use vibes_model::trained::{Trained, encoder_file};
 
 use crate::error::Result;
 use crate::online::model_free::folder::Folder;
-use crate::run::Run;
+use crate::run::{Run, Seen};
 
 /// A run, opened to be read.
 #[derive(Debug, Clone)]
@@ -51,6 +51,17 @@ impl TrainedRun {
             }
             Self::World(run) => run.open_recordings(),
             Self::ModelFree(folder) => folder.open_recordings(),
+        }
+    }
+
+    /// What its weights have learned from.
+    pub fn seen(&self) -> Seen {
+        match self {
+            Self::World(run) => run.seen(),
+            Self::ModelFree(folder) => match folder.open_recordings() {
+                Ok(recordings) => Seen { recordings, is_whole: true },
+                Err(_gone) => Seen { recordings: Vec::new(), is_whole: false },
+            },
         }
     }
 

@@ -90,7 +90,10 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let heading = |title: &str| Heading::new(title).with_note(options.note.clone());
     let is_of_several = curves.iter().any(|shown| shown.curves.iter().any(|curve| curve.runs > 1));
     let title = if is_of_several { "Training, mean and 95% interval over runs" } else { "Training" };
-    let mut files = Figure::Curves(figure(heading(title), &runs, &names, &curves)).save(&out, "curves")?;
+    let mut files = Vec::new();
+    if !curves.is_empty() {
+        files = Figure::Curves(figure(heading(title), &runs, &names, &curves)).save(&out, "curves")?;
+    }
     let tabled = match &options.table {
         Some(name) => Some(Metric::named(known(name, &runs)?)),
         None => metrics.iter().find(|m| m.name.contains("return")).map(|m| Metric::named(&m.name)),
@@ -117,6 +120,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     files.push(path);
     let broken: usize = runs.iter().map(|r| r.broken_lines).sum();
     let mut remarks: Vec<String> = runs.iter().flat_map(Run::remarks).collect();
+    for metric in metrics.iter().filter(|metric| !curves.iter().any(|shown| shown.metric.name == metric.name)) {
+        remarks.push(format!("{} was measured at the end alone and has no curve; it stands in the table", metric.name));
+    }
     if broken > 0 {
         remarks.push(format!("{broken} lines of metrics could not be read and were left out"));
     }
@@ -286,7 +292,7 @@ fn foot(compared: bool, line: &str) -> String {
     } else {
         String::new()
     };
-    format!("`vibes-train evaluate`, else last evaluation, else mean of the last tenth{marks}")
+    format!("vibes-train evaluate, else last evaluation, else mean of the last tenth{marks}")
 }
 
 /// Where training ended: groups x tasks, the form of the paper's Table 1, with the mean over tasks where there are several.

@@ -14,7 +14,7 @@ use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::actions::action_features;
 use crate::figures::{Bar, BarGroup, Bars, Figure, NeighbourSheet, SheetColumn, Thumb};
-use crate::input::{Asked, Frames, Origin, find_recording, read_beside};
+use crate::input::{Asked, Frames, Origin, ReadLatents, find_recording, read_beside};
 use crate::output::Column;
 use vibes_measure::Table;
 use vibes_measure::intervals::Interval;
@@ -60,6 +60,9 @@ impl Options {
 /// Pairs shown as pictures.
 const SHOWN: usize = 6;
 
+/// Rows that show one state, once as it is and once turned or reflected.
+type Pairs = Vec<(usize, usize)>;
+
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
     if options.pairs == 0 {
         return Err(wrong("--pairs is 0; at least one must be compared"));
@@ -85,7 +88,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         None => rotated_pairs(&rows.table()?, &all_states, asked, &mut rng)?,
         Some(path) => {
             let turned = (path.as_path(), options.rotated_recording.as_deref());
-            rows.append_rotated(turned, &session.origin, &mut all_states, asked, &mut rng)?
+            let (pairs, remarks) = rows.append_rotated(turned, &session.origin, &mut all_states, asked, &mut rng)?;
+            remarks.into_iter().for_each(|remark| session.remark(format!("rotated: {remark}")));
+            pairs
         }
     };
     let table = rows.table()?;
@@ -203,9 +208,9 @@ impl Rows {
         all_states: &mut Vec<ReacherState>,
         options: SymmetryOptions,
         rng: &mut impl Rng,
-    ) -> anyhow::Result<Vec<(usize, usize)>> {
+    ) -> anyhow::Result<(Pairs, Vec<String>)> {
         // Distances between the two tables are measured, which must be about one origin.
-        let turned = read_beside(path, &Asked::default(), origin)?.latents;
+        let ReadLatents { latents: turned, remarks, .. } = read_beside(path, &Asked::default(), origin)?;
         let l = &mut self.latents;
         if turned.dims != l.dims {
             return Err(wrong(format!(
@@ -246,7 +251,7 @@ impl Rows {
         l.latent.extend(&turned.latent);
         self.frames.push(frames);
         all_states.extend(states_of_turned);
-        Ok(pairs.into_iter().map(|(row, turned)| (row, self.own + turned)).collect())
+        Ok((pairs.into_iter().map(|(row, turned)| (row, self.own + turned)).collect(), remarks))
     }
 }
 

@@ -70,7 +70,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     };
     let heading = Heading::new(title).with_note(options.note.clone());
     let of = if results.are_runs() {
-        "`vibes-train evaluate`, else last evaluation, else mean of the last tenth; "
+        "vibes-train evaluate, else last evaluation, else mean of the last tenth; "
     } else {
         ""
     };

@@ -105,20 +105,24 @@ impl Run {
             self.add(HELD_OUT, &Value::Object(row.clone()), x);
         }
         if let Some(last) = over_training.lines.last().filter(is_final) {
-            self.add_final(&Value::Object(last.clone()));
+            numbers(HELD_OUT, &Value::Object(last.clone()), &mut |name, value| {
+                self.finals.insert(name.to_owned(), value);
+            });
         }
         // Evaluations of an online run are of returns alone, and leave room for a grid's numbers.
-        let of_grid = kept.filter(|row| row.contains_key("numbers"));
+        let of_grid = kept.clone().filter(|row| row.contains_key("numbers"));
         let judged = of_grid.filter_map(|row| row.get("update")?.as_f64()).reduce(f64::max);
-        self.add_documents(folder, judged, &passed)
+        let with_gaps = kept.clone().filter(|row| row.get("gaps").is_some_and(Value::is_object));
+        let gaps_judged = with_gaps.filter_map(|row| row.get("update")?.as_f64()).reduce(f64::max);
+        self.add_documents(folder, [judged, gaps_judged], &passed)
     }
 
-    /// Adds what `vibes-train evaluate` measured. Where evaluations over training, the last after `judged` updates, are of a grid too, which may be another one, a document has no place on
-    /// their curve; of the newest checkpoint that was evaluated it says where the run ended, since it was asked for by name.
+    /// Adds what `vibes-train evaluate` measured. Where evaluations over training, the last after so many updates, have a grid's numbers or its gaps too, of what may be another grid, a document has no place
+    /// on their curve; of the newest checkpoint that was evaluated it says where the run ended, since it was asked for by name.
     fn add_documents(
         &mut self,
         folder: &RunFolder,
-        judged: Option<f64>,
+        [judged, gaps_judged]: [Option<f64>; 2],
         passed: &[(f64, f64)],
     ) -> Result<(), InputError> {
         let (held_out, others): (Vec<_>, Vec<_>) =
@@ -133,17 +137,26 @@ impl Run {
             let mut keep = |name: &str, value: f64| {
                 found.insert((name.to_owned(), of.to_bits()), value);
             };
-            numbers("held_out.gaps", &document["gaps"], &mut keep);
-            match judged {
-                None => numbers(HELD_OUT, &document["report"], &mut keep),
-                Some(judged) if Some(of) == newest && of >= judged => self.add_final(&document["report"]),
-                Some(_) => {}
+            for (name, measured, judged) in
+                [(HELD_OUT, &document["report"], judged), ("held_out.gaps", &document["gaps"], gaps_judged)]
+            {
+                match judged {
+                    None => numbers(name, measured, &mut keep),
+                    Some(judged) if Some(of) == newest && of >= judged => {
+                        numbers(name, measured, &mut |name, value| {
+                            self.finals.insert(name.to_owned(), value);
+                        });
+                    }
+                    Some(_) => {}
+                }
             }
         }
         for ((name, of), value) in found {
             let x = at(passed, Some(f64::from_bits(of)));
             self.series.entry(name).or_default().push((x, value));
         }
+        // What nobody is shown needs no word.
+        let newest = newest.filter(|newest| judged.is_none_or(|judged| *newest >= judged));
         self.remark_documents(folder, newest, &held_out);
         Ok(())
     }
@@ -162,13 +175,6 @@ impl Run {
         if let Some(last) = last {
             self.remarks.push(format!("{name} was evaluated after {newest} updates and has gone on to {last}; `vibes-train evaluate` judges what it is now"));
         }
-    }
-
-    /// Keeps every number of a document of where the run ended.
-    fn add_final(&mut self, document: &Value) {
-        numbers(HELD_OUT, document, &mut |name, value| {
-            self.finals.insert(name.to_owned(), value);
-        });
     }
 
     /// Adds every number of a document at `x`.

@@ -134,7 +134,7 @@ fn tables_that_are_measured_against_each_other_have_one_origin() {
         std::fs::write(&path, format!("episode,step,latent_0,latent_1\n{lines}")).expect("CSV");
         path
     };
-    let (one, other) = (write("one.csv", 1000.0), write("other.csv", 1000.000_005));
+    let (one, other) = (write("one.csv", 1000.0), write("other.csv", 1_000.000_005));
     let (read, origin) = read_with_origin(&one, &Asked::default()).unwrap_or_else(|e| panic!("{e}"));
     assert!(origin != Origin::default() && read.remarks.len() == 1, "{:?}", read.remarks);
     let beside = read_beside(&other, &Asked::default(), &origin).unwrap_or_else(|e| panic!("{e}"));

@@ -13,9 +13,10 @@ use vibes_measure::probes::{Fitting, Probe};
 use vibes_model::trained::Trained;
 use vibes_train::TrainError;
 use vibes_train::evaluate::{
-    EvaluateOptions, GapOptions, Gaps, GridSize, Likelihoods, Report, check_gaps, evaluate, gaps, is_held_out,
+    EvaluateOptions, GapOptions, Gaps, GridSize, Likelihoods, Report, check_gaps, evaluate, gaps, is_new_to,
     shared_starts,
 };
+use vibes_train::run::Seen;
 use vibes_train::trained::TrainedRun;
 
 use super::device::DeviceArgs;
@@ -119,9 +120,9 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     }
     let fits = args.probe_episodes > 0 || (gap_updates > 0 && matches!(trained, Trained::World(_)));
     // The run was trained on its own recordings, whatever is fitted now.
-    let mut seen = run.open_recordings().unwrap_or_default();
+    let mut seen = run.seen();
     if fits {
-        seen.extend(args.fit_on.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>()?);
+        seen.recordings.extend(args.fit_on.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>()?);
     }
     let is_held_out = tell_held_out(context, &grid, &seen);
     let report = evaluate(trained.encoder(), &grid, to_fit, options, &device)?;
@@ -149,17 +150,17 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     Ok(())
 }
 
-/// Whether a grid is new beside the recordings that were trained or fitted on; where it is not, that is said.
-pub(crate) fn tell_held_out(context: &Context, grid: &Recording, seen: &[Recording]) -> bool {
-    let is_new = is_held_out(grid, seen);
-    if !is_new && !context.quiet {
+/// Whether a grid is new beside the recordings that were trained or fitted on, which is not known where some of them are gone; where it is not, that is said.
+pub(crate) fn tell_held_out(context: &Context, grid: &Recording, seen: &Seen) -> Option<bool> {
+    let is_new = is_new_to(grid, seen);
+    if is_new == Some(false) && !context.quiet {
         let place = grid.path().display();
         eprintln!(
             "the grid itself, or an episode of it, is among the recordings that are trained or fitted on, so that its numbers say nothing of new episodes: {place}"
         );
     }
-    let (shared, all) = shared_starts(grid, seen);
-    if is_new && shared > 0 && !context.quiet {
+    let (shared, all) = shared_starts(grid, &seen.recordings);
+    if is_new != Some(false) && shared > 0 && !context.quiet {
         eprintln!(
             "note: {shared} of the grid's {all} state trajectories begin where an episode that is trained or fitted on began (the same seed); record it with another --seed for new states"
         );

@@ -70,7 +70,7 @@ pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
     let mut progress = Progress::new(context, &options);
     progress.describe(&run);
     if let Some(held_out) = &held_out {
-        tell_held_out(context, &held_out.grid, &recordings);
+        tell_held_out(context, &held_out.grid, &run.seen());
     }
     let updates = run.checkpoints().last().copied().unwrap_or(0);
     let mut log = args.log_windows.then(|| WindowLog::open(run.path(), updates)).transpose()?;

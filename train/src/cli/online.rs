@@ -76,6 +76,9 @@ impl OnlineArgs {
             options.settle(protocol);
             self.world.lay_over(options);
             self.work.lay_over(options);
+            // As many videos as it has, said in words, are no other setting.
+            let own = options.world.distractors.difficulty.videos();
+            options.world.video_count = options.world.video_count.filter(|count| Some(*count) != own);
         }
         Ok(())
     }
