@@ -503,7 +503,8 @@ fn a_users_own_columns_are_fitted_on_other_latents() {
         found.expect("score")["score"]["estimate"].as_f64().expect("number")
     };
     let fitted_on = |table: &Path| good(GRID.path(), &[&words[..], &["--fit-join", text(table)]].concat());
-    fitted_on(&judged);
+    let (told, remarks) = fitted_on(&judged);
+    assert!((told + &remarks).contains("an episode that is judged is among those to fit on"), "{remarks}");
     assert!(score("height") > 0.99 && score("half") > 0.9);
     let probes = json(&out.path().join("probes.json"));
     let numbers = &probes["numbers"];

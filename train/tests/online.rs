@@ -148,7 +148,7 @@ fn a_run_with_recordings_is_killed_without_a_trace_too() {
     let output = run(&given, &["--control-steps", "320"]);
     assert!(output.status.success(), "{}", text(&output));
     let mut learn = process::program();
-    learn.arg("offline").arg(given.join("replay")).args(["--preset", "tiny", "--updates", "20", "-o"]).arg(&offline);
+    learn.arg("offline").arg(given.join("replay")).args(["--preset", "tiny", "--updates", "20", "--minutes", "600", "-o"]).arg(&offline);
     let output = learn.output().unwrap();
     assert!(output.status.success(), "{}", text(&output));
     let go_on = |folder: &Path| {
@@ -163,6 +163,8 @@ fn a_run_with_recordings_is_killed_without_a_trace_too() {
     assert_same(&undisturbed, &killed, &format!("after {kills} kills"));
     let evaluation = lines(&killed.join("evaluations.jsonl")).pop().unwrap();
     assert_eq!(evaluation["given_control_steps"], 320);
+    let info: Json = serde_json::from_slice(&std::fs::read(undisturbed.join("run.json")).unwrap()).unwrap();
+    assert_eq!(info["options"]["minutes"], 0.0, "those of the offline run are over");
 }
 
 #[test]

@@ -239,6 +239,30 @@ fn offline_run(first: &Path, offline: &Path) -> (Run, [Recording; 1], Options) {
     (run, replay, model)
 }
 
+/// Of two recordings with the same episodes one is gone.
+#[test]
+fn what_is_left_of_a_runs_recordings_is_counted_and_known() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, offline, copy, both] = ["first", "offline", "copy", "both"].map(|name| folder.path().join(name));
+    let (_, [replay], model) = offline_run(&first, &offline);
+    std::fs::create_dir_all(copy.join("episodes")).unwrap();
+    let files = replay.episodes().iter().map(|entry| entry.arrow.path.clone()).chain(["manifest.json".to_owned()]);
+    for file in files {
+        std::fs::copy(replay.path().join(&file), copy.join(&file)).unwrap();
+    }
+    let recordings = [Recording::open(&copy).unwrap(), replay.clone()];
+    let run = crate::prepare::prepare(&both, &recordings, &model, None).unwrap();
+    crate::fit::fit(&run, &recordings, &Device::flex(), None, &mut |_| Go::On).unwrap();
+    assert!(run.seen().is_whole);
+    std::fs::remove_dir_all(&copy).unwrap();
+    let options = OnlineOptions { given_share: 0.0, ..options() };
+    let prepared = prepare::from_run(&folder.path().join("on"), &run, &model, options).unwrap();
+    assert_eq!(given_control_steps(&prepared.run, &[]), Some(320));
+    let seen = prepared.run.seen();
+    assert_eq!((seen.recordings.len(), seen.is_whole), (1, false));
+    assert_eq!(crate::evaluate::is_new_to(&replay, &seen), Some(false), "through the run that it goes on from");
+}
+
 #[test]
 fn an_offline_run_is_gone_on_from_with_its_own_sizes_and_action_repeat_alone() {
     let folder = tempfile::tempdir().unwrap();
@@ -256,6 +280,7 @@ fn an_offline_run_is_gone_on_from_with_its_own_sizes_and_action_repeat_alone() {
     };
     let error = refused("wide", &|model, _| model.settings.hidden = 64);
     assert!(error.contains("begin from a run of the same task, sizes and objective"), "{error}");
+    assert!(error.contains("this run's has hidden 64;") && !error.contains("action"), "what differs alone: {error}");
     let error = refused("held", &|_, online| online.world.action_repeat = 5);
     assert!(error.contains("actions held for 2 control steps") && error.contains("--action-repeat"), "{error}");
     // Neither takes the folder of the other.
