@@ -148,7 +148,11 @@ fn a_run_with_recordings_is_killed_without_a_trace_too() {
     let output = run(&given, &["--control-steps", "320"]);
     assert!(output.status.success(), "{}", text(&output));
     let mut learn = process::program();
-    learn.arg("offline").arg(given.join("replay")).args(["--preset", "tiny", "--updates", "20", "--minutes", "600", "-o"]).arg(&offline);
+    learn
+        .arg("offline")
+        .arg(given.join("replay"))
+        .args(["--preset", "tiny", "--updates", "20", "--minutes", "600", "-o"])
+        .arg(&offline);
     let output = learn.output().unwrap();
     assert!(output.status.success(), "{}", text(&output));
     let go_on = |folder: &Path| {
