@@ -172,7 +172,12 @@ impl Dense {
     pub(super) fn pack(weight: &[f32], bias: &[f32], ins: &[usize], outs: &[usize], with_backward: bool) -> Self {
         let (rows, columns) = (pieces(ins), pieces(outs));
         let (in_panels, out_panels, width) = (rows.len(), columns.len(), outs.iter().sum::<usize>());
-        let mut forward = Buffer::zeros(in_panels * out_panels * PANEL * PANEL);
+        // Only what fills up panels has to be zero.
+        let is_full = |pieces: &[Piece]| pieces.iter().all(|piece| piece.len == PANEL);
+        let fresh = |len: usize| {
+            if is_full(&rows) && is_full(&columns) { Buffer::stale(len) } else { Buffer::zeros(len) }
+        };
+        let mut forward = fresh(in_panels * out_panels * PANEL * PANEL);
         for (input, row) in rows.iter().flat_map(|input| (0..input.len).map(move |row| (input, row))) {
             let numbers = &weight[(input.column + row) * width..][..width];
             for output in &columns {
@@ -180,7 +185,7 @@ impl Dense {
                 forward[place..place + output.len].copy_from_slice(&numbers[output.column..][..output.len]);
             }
         }
-        let mut backward = Buffer::zeros(if with_backward { forward.len() } else { 0 });
+        let mut backward = fresh(if with_backward { forward.len() } else { 0 });
         if with_backward {
             for (input, output) in rows.iter().flat_map(|input| columns.iter().map(move |output| (input, output))) {
                 let place = (input.panel * out_panels + output.panel) * PANEL * PANEL;

@@ -25,6 +25,8 @@ pub struct Optimizer {
 #[derive(Debug)]
 pub struct NamedGradients {
     by_name: BTreeMap<String, Tensor<1>>,
+    /// The squares of each one's numbers, summed: asked for several times in a step, and made once.
+    squares: BTreeMap<String, f64>,
 }
 
 impl NamedGradients {
@@ -32,14 +34,15 @@ impl NamedGradients {
     pub fn take<M: Module>(module: &M, gradients: &mut Gradients) -> Self {
         let mut taker = Taker { path: Vec::new(), gradients, by_name: BTreeMap::new() };
         module.visit(&mut taker);
-        Self { by_name: taker.by_name }
+        let square = |gradient: &Tensor<1>| f64::from(gradient.clone().square().sum().into_scalar::<f32>());
+        let squares = taker.by_name.iter().map(|(name, gradient)| (name.clone(), square(gradient))).collect();
+        Self { by_name: taker.by_name, squares }
     }
 
     /// ℓ₂ norm over all parameters whose name begins with `prefix`.
     pub fn norm(&self, prefix: &str) -> f32 {
-        let chosen = self.by_name.iter().filter(|(name, _)| name.starts_with(prefix));
-        let squares = chosen.map(|(_, gradient)| f64::from(gradient.clone().square().sum().into_scalar::<f32>()));
-        squares.sum::<f64>().sqrt() as f32
+        let chosen = self.squares.iter().filter(|(name, _)| name.starts_with(prefix));
+        chosen.map(|(_, squares)| squares).sum::<f64>().sqrt() as f32
     }
 }
 
