@@ -32,6 +32,7 @@ pub mod plain;
 mod product;
 mod recurrence;
 mod sheet;
+mod squares;
 mod transposed;
 
 pub use adam::{Adam, Moments};
@@ -44,4 +45,5 @@ pub use linear::linear;
 pub use perceptron::perceptron;
 pub use pixel_error::pixel_error;
 pub use recurrence::gru;
+pub use squares::sum_of_squares;
 pub use transposed::transposed;

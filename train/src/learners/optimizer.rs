@@ -6,7 +6,7 @@ use std::path::Path;
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Device, Gradients, Tensor, TensorData};
-use vibes_model::kernels::{Adam, Moments};
+use vibes_model::kernels::{Adam, Moments, sum_of_squares};
 use vibes_model::parameters::{HostTensor, HostTensors, to_values};
 
 use crate::error::{Result, malformed};
@@ -34,8 +34,7 @@ impl NamedGradients {
     pub fn take<M: Module>(module: &M, gradients: &mut Gradients) -> Self {
         let mut taker = Taker { path: Vec::new(), gradients, by_name: BTreeMap::new() };
         module.visit(&mut taker);
-        let square = |gradient: &Tensor<1>| f64::from(gradient.clone().square().sum().into_scalar::<f32>());
-        let squares = taker.by_name.iter().map(|(name, gradient)| (name.clone(), square(gradient))).collect();
+        let squares = taker.by_name.iter().map(|(name, gradient)| (name.clone(), sum_of_squares(gradient))).collect();
         Self { by_name: taker.by_name, squares }
     }
 
