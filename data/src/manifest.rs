@@ -116,6 +116,11 @@ impl FileEntry {
 }
 
 impl Manifest {
+    /// Whether another program recorded it, and `vibes-collect import` read it.
+    pub fn is_imported(&self) -> bool {
+        self.options.get("imported").is_some()
+    }
+
     /// Reads and checks a manifest.
     ///
     /// # Errors

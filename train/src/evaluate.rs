@@ -140,11 +140,12 @@ pub fn shared_starts(grid: &Recording, training: &[Recording]) -> (usize, usize)
     (own.intersection(&seeds).count(), own.len())
 }
 
-/// That a recording's rows are those of a grid.
+/// That a recording is a grid.
 pub(crate) fn check_is_grid(grid: &Recording) -> Result<()> {
     check_rows(&Rows::of(std::slice::from_ref(grid), usize::MAX)?, grid)
 }
 
+/// That a recording's rows are those of a grid.
 fn check_rows(rows: &Rows, grid: &Recording) -> Result<()> {
     if rows.is_empty() {
         return Err(no_grid("no episodes", grid));

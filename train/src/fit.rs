@@ -10,7 +10,7 @@ use crate::evaluate::{EvaluateOptions, GapOptions, Gaps, Report, check_grid, eva
 use crate::learners::world::Learner;
 use crate::metrics::Row;
 use crate::options::Options;
-use crate::run::{Run, Seen, State};
+use crate::run::{Run, State};
 use crate::session::{Session, first_learner, out_of_time};
 use crate::windows::{Prefetch, Purpose, Windows, update_rng};
 
@@ -130,12 +130,13 @@ pub fn fit(
         // Before the first update: a grid that cannot be evaluated on.
         check_grid((&learner.model).into(), &held_out.grid)?;
     }
+    let is_held_out = held_out.and_then(|held_out| is_new_to(&held_out.grid, &run.seen()));
     listen(Event::Start { update: state.update });
     let session = Session::open(run, device, state, held_out.is_some())?;
     std::thread::scope(|scope| {
         let numbers = state.drawn()..state.carried + options.updates;
         let batches = Prefetch::start(scope, &windows, options.seed, numbers);
-        Training { session, options, device, batches, recordings, held_out, seen: run.seen() }.run(learner, listen)
+        Training { session, options, device, batches, recordings, held_out, is_held_out }.run(learner, listen)
     })
 }
 
@@ -146,7 +147,7 @@ struct Training<'a> {
     batches: Prefetch,
     recordings: &'a [Recording],
     held_out: Option<&'a HeldOut>,
-    seen: Seen,
+    is_held_out: Option<bool>,
 }
 
 impl Training<'_> {
@@ -203,8 +204,7 @@ impl Training<'_> {
                     Some(gaps(&learner.model, self.recordings, &held_out.grid, options, self.device)?)
                 }
             };
-            let is_held_out = is_new_to(&held_out.grid, &self.seen);
-            let evaluation = Evaluation { update, is_held_out, report, gaps };
+            let evaluation = Evaluation { update, is_held_out: self.is_held_out, report, gaps };
             self.session.evaluated(&evaluation)?;
             listen(Event::Evaluated(&evaluation));
         }

@@ -146,16 +146,12 @@ fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'
 /// several distractors, or drawn again, counts once, and what is gone does not. None where there is nothing.
 fn given_control_steps(run: &Run, given: &[Recording]) -> Option<u64> {
     let mut recordings = given.to_vec();
-    let mut from = run.open_from().ok().flatten();
-    while let Some(before) = from {
-        recordings.extend(before.recordings_left());
-        from = before.open_from().ok().flatten();
-    }
+    recordings.extend(run.before().0.iter().flat_map(Run::recordings_left));
     let mut trajectories = BTreeSet::new();
     for recording in &recordings {
         let repeat = recording.manifest().spec.action_repeat;
         // What another program recorded has no seeds of its own to tell its trajectories apart by.
-        let is_imported = recording.manifest().options.get("imported").is_some();
+        let is_imported = recording.manifest().is_imported();
         let own = |entry: &EpisodeEntry| is_imported.then(|| entry.arrow.sha256.clone());
         trajectories.extend(recording.episodes().iter().map(|entry| {
             (own(entry), entry.seed, entry.policy.clone(), entry.episode_return.to_bits(), entry.steps, repeat)

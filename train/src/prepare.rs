@@ -32,7 +32,7 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
         let kind = observation_kind(other, options.observations)?;
         let repeats = [spec, &other.manifest().spec].map(|spec| spec.action_repeat);
         // An imported recording may be called after its file.
-        let is_imported = [first, other].iter().any(|recording| recording.manifest().options.get("imported").is_some());
+        let is_imported = [first, other].iter().any(|recording| recording.manifest().is_imported());
         let is_of_task = is_imported || other.manifest().spec.task == spec.task;
         let is_alike = is_of_task && other.manifest().spec.action == spec.action;
         if !is_alike || kind != observation || repeats[0] != repeats[1] {

@@ -219,15 +219,20 @@ impl Run {
 
     /// What its weights have learned from, those of the runs that it goes on from included, and what it lived through itself.
     pub fn seen(&self) -> Seen {
-        let mut seen = Seen { recordings: Vec::new(), is_whole: true };
-        seen.add(self);
-        let mut from = self.open_from();
-        while let Ok(Some(before)) = from {
-            seen.add(&before);
-            from = before.open_from();
-        }
-        seen.is_whole &= from.is_ok();
+        let (before, is_whole) = self.before();
+        let mut seen = Seen { recordings: Vec::new(), is_whole };
+        std::iter::once(self).chain(&before).for_each(|run| seen.add(run));
         seen
+    }
+
+    /// The runs that it goes on from, the last one first, as far back as they are there; and whether that is to the first.
+    pub fn before(&self) -> (Vec<Self>, bool) {
+        let (mut runs, mut from) = (Vec::new(), self.open_from());
+        while let Ok(Some(run)) = from {
+            from = run.open_from();
+            runs.push(run);
+        }
+        (runs, from.is_ok())
     }
 
     fn open_recording(&self, place: &str) -> Result<Recording> {

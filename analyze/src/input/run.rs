@@ -105,9 +105,7 @@ impl Run {
             self.add(HELD_OUT, &Value::Object(row.clone()), x);
         }
         if let Some(last) = over_training.lines.last().filter(is_final) {
-            numbers(HELD_OUT, &Value::Object(last.clone()), &mut |name, value| {
-                self.finals.insert(name.to_owned(), value);
-            });
+            self.add_final(HELD_OUT, &Value::Object(last.clone()));
         }
         // Evaluations of an online run are of returns alone, and leave room for a grid's numbers.
         let of_grid = kept.clone().filter(|row| row.contains_key("numbers"));
@@ -128,12 +126,11 @@ impl Run {
         let (held_out, others): (Vec<_>, Vec<_>) =
             evaluations(&self.path)?.into_iter().partition(|(_, document)| document[IS_HELD_OUT] != false);
         self.not_held_out.extend(others.iter().map(|(path, _)| name_of(path)));
-        let update = |document: &Value| update_of(document).unwrap_or(0.0);
-        let newest = held_out.iter().map(|(_, document)| update(document)).reduce(f64::max);
+        let newest = held_out.iter().map(|(_, document)| update_of(document)).reduce(f64::max);
         // One number of each checkpoint: where two documents have it, that of the one whose name is last.
         let mut found = BTreeMap::new();
         for (_, document) in &held_out {
-            let of = update(document);
+            let of = update_of(document);
             let mut keep = |name: &str, value: f64| {
                 found.insert((name.to_owned(), of.to_bits()), value);
             };
@@ -142,11 +139,7 @@ impl Run {
             {
                 match judged {
                     None => numbers(name, measured, &mut keep),
-                    Some(judged) if Some(of) == newest && of >= judged => {
-                        numbers(name, measured, &mut |name, value| {
-                            self.finals.insert(name.to_owned(), value);
-                        });
-                    }
+                    Some(judged) if Some(of) == newest && of >= judged => self.add_final(name, measured),
                     Some(_) => {}
                 }
             }
@@ -164,7 +157,7 @@ impl Run {
     /// Says where the documents of the newest evaluated checkpoint are of several grids, and where the run has gone on since.
     fn remark_documents(&mut self, folder: &RunFolder, newest: Option<f64>, documents: &[(PathBuf, Value)]) {
         let Some(newest) = newest else { return };
-        let of_newest = documents.iter().filter(|(_, document)| update_of(document).unwrap_or(0.0) == newest);
+        let of_newest = documents.iter().filter(|(_, document)| update_of(document) == newest);
         let grids: BTreeSet<&str> = of_newest.filter_map(|(_, document)| document["grid"].as_str()).collect();
         let name = &self.name;
         if grids.len() > 1 {
@@ -180,6 +173,13 @@ impl Run {
     /// Adds every number of a document at `x`.
     fn add(&mut self, name: &str, value: &Value, x: f64) {
         numbers(name, value, &mut |name, y| self.series.entry(name.to_owned()).or_default().push((x, y)));
+    }
+
+    /// Keeps every number of a document as where the run ended.
+    fn add_final(&mut self, name: &str, value: &Value) {
+        numbers(name, value, &mut |name, y| {
+            self.finals.insert(name.to_owned(), y);
+        });
     }
 
     /// The full name of a metric of this run; a number of `vibes-train evaluate` may be called as it is called there, as in `retrieval_same_step@1`.
@@ -325,10 +325,10 @@ fn name_of(path: &Path) -> String {
     path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// The update of the checkpoint that a document is about, from its path `…/checkpoints/000500/model.safetensors`.
-fn update_of(document: &Value) -> Option<f64> {
-    let checkpoint = Path::new(document["checkpoint"].as_str()?);
-    checkpoint.iter().rev().find_map(|part| part.to_str()?.parse::<u64>().ok()).map(|update| update as f64)
+/// The update of the checkpoint that a document is about, from its path `…/checkpoints/000500/model.safetensors`; 0 where it does not say.
+fn update_of(document: &Value) -> f64 {
+    let checkpoint = Path::new(document["checkpoint"].as_str().unwrap_or_default());
+    checkpoint.iter().rev().find_map(|part| part.to_str()?.parse::<u64>().ok()).unwrap_or(0) as f64
 }
 
 #[cfg(test)]

@@ -39,7 +39,7 @@ impl RecordOptions {
         if !self.distractors.axes.background {
             return Ok(Arc::new(VideoLibrary::none()));
         }
-        let count = self.video_count.or(self.distractors.difficulty.videos());
+        let count = self.videos_used(self.video_count);
         self.open_videos(&self.videos.list(self.video_set, count)?, pictures)
     }
 

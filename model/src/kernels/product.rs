@@ -129,6 +129,14 @@ struct Tile<'a> {
 }
 
 impl Tile<'_> {
+    /// Sets the half of the product that is not made to zero, where nothing is added to it.
+    #[inline(always)]
+    fn clear_other_half(self, out: &mut [f32]) {
+        if self.half && !self.add {
+            out.chunks_exact_mut(PANEL).for_each(|row| row[HALF..].fill(0.0));
+        }
+    }
+
     /// That the slices hold all that is read and written. The sets of instructions ask in every build, as what they do is sound only then: a few comparisons a tile.
     #[cfg(target_arch = "x86_64")]
     fn check<const ROW: usize, const STEP: usize>(self, left: &[f32], right: &[f32], out: &[f32]) {

@@ -121,8 +121,8 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     let fits = args.probe_episodes > 0 || (gap_updates > 0 && matches!(trained, Trained::World(_)));
     // The run was trained on its own recordings, whatever is fitted now.
     let mut seen = run.seen();
-    if fits {
-        seen.recordings.extend(args.fit_on.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>()?);
+    if fits && !args.fit_on.is_empty() {
+        seen.recordings.extend_from_slice(training.as_deref().unwrap_or_default());
     }
     let is_held_out = tell_held_out(context, &grid, &seen);
     let report = evaluate(trained.encoder(), &grid, to_fit, options, &device)?;

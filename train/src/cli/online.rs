@@ -134,15 +134,15 @@ impl OnlineArgs {
         }
         let path = self.from.run.as_deref().unwrap_or_else(|| Path::new("."));
         let found = Run::open(path)?;
-        let is_online = OnlineOptions::read(path)?.is_some();
+        let online = OnlineOptions::read(path)?;
         let mut before = found.info().options.clone();
-        if !is_online {
+        if online.is_none() {
             // The minutes of the offline run are over.
             before.settings.minutes = 0.0;
         }
         let model = self.options.over(&before)?;
         check_same(&model, &before, true)?;
-        if let Some(mut options) = OnlineOptions::read(path)? {
+        if let Some(mut options) = online {
             self.check_beginning(Beginning::Again(path))?;
             self.lay_over(&mut options)?;
             self.check_given(false, &options)?;

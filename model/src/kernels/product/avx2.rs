@@ -46,9 +46,7 @@ pub(super) fn tile<const ROW: usize, const STEP: usize>(tile: Tile<'_>, left: &[
         }
         row += rows;
     }
-    if tile.half && !tile.add {
-        out.chunks_exact_mut(PANEL).for_each(|row| row[HALF..].fill(0.0));
-    }
+    tile.clear_other_half(out);
 }
 
 #[target_feature(enable = "avx2,fma")]

@@ -20,9 +20,7 @@ pub(super) fn tile<const ROW: usize, const STEP: usize>(tile: Tile<'_>, left: &[
             }
         }
     }
-    if half && !add {
-        out.chunks_exact_mut(PANEL).for_each(|row| row[HALF..].fill(0.0));
-    }
+    tile.clear_other_half(out);
 }
 
 #[inline(always)]
