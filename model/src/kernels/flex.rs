@@ -30,7 +30,12 @@ pub(super) fn followed<const D: usize>(tensor: Tensor<D>) -> Option<Followed> {
     tensor.try_into_primitive::<Autodiff<Flex>>().ok()
 }
 
-/// A float32 tensor on `flex` without autodiff, in one piece.
+/// The tensor with its numbers beside one another: itself where they are, also as a part of a larger one, and a copy elsewhere.
+pub(super) fn in_one_piece(tensor: FlexTensor) -> FlexTensor {
+    if tensor.is_contiguous() { tensor } else { tensor.to_contiguous() }
+}
+
+/// A float32 tensor on `flex` without autodiff, in one piece and with memory of its own.
 pub(super) fn unfollowed<const D: usize>(tensor: Tensor<D>) -> Option<FlexTensor> {
     if tensor.dtype() != DType::F32 {
         return None;

@@ -44,6 +44,18 @@ pub(super) trait Lanes: Copy {
     }
 }
 
+/// The whole vectors of a slice.
+#[inline(always)]
+pub(super) fn vectors(numbers: &[f32]) -> &[[f32; LANES]] {
+    numbers.as_chunks().0
+}
+
+/// The whole vectors of a slice.
+#[inline(always)]
+pub(super) fn vectors_mut(numbers: &mut [f32]) -> &mut [[f32; LANES]] {
+    numbers.as_chunks_mut().0
+}
+
 impl Lanes for [f32; LANES] {
     /// None is needed: the compiler cuts the array to what the target has.
     type Proof = ();

@@ -56,7 +56,7 @@ impl Operand {
 
     fn numbers(self) -> FlexTensor {
         match self {
-            Self::Followed(tensor) => tensor.into_primitive().to_contiguous(),
+            Self::Followed(tensor) => flex::in_one_piece(tensor.into_primitive()),
             Self::Constant(tensor) => tensor,
         }
     }
@@ -100,7 +100,7 @@ where
 
 fn recorded<O: Operation<N>, const N: usize>(operation: O, tensors: [Followed; N]) -> Option<Followed> {
     let nodes = tensors.each_ref().map(Followed::node);
-    let tensors = tensors.map(|tensor| tensor.into_primitive().to_contiguous());
+    let tensors = tensors.map(|tensor| flex::in_one_piece(tensor.into_primitive()));
     let step = Step(PhantomData);
     Some(match step.prepare::<NoCheckpointing>(nodes).compute_bound().stateful() {
         OpsKind::Tracked(prepared) => {
@@ -128,7 +128,7 @@ impl<O: Operation<N>, const N: usize> Backward<Flex, N> for Step<O> {
 
     fn backward(self, ops: Ops<Self::State, N>, gradients: &mut Gradients, _: &mut Checkpointer) {
         let State { operation, tensors, kept } = ops.state;
-        let output = gradients.consume::<Flex>(&ops.node).to_contiguous();
+        let output = flex::in_one_piece(gradients.consume::<Flex>(&ops.node));
         let wanted = ops.parents.each_ref().map(Option::is_some);
         let found = operation.backward(&tensors, &kept, flex::numbers(&output), wanted);
         for ((parent, like), found) in ops.parents.iter().zip(&tensors).zip(found) {

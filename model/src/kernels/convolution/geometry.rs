@@ -117,11 +117,22 @@ impl Layer {
         cells
     }
 
-    /// Where number `part` of a cell lies after its start.
+    /// Numbers of one of a cell's two lines: two pixels.
     #[inline(always)]
-    pub(super) fn cell_offset(&self, part: usize) -> usize {
-        let half = 2 * self.input_stride();
-        if part < half { part } else { self.input[1] * self.input_stride() + part - half }
+    pub(super) fn cell_line(&self) -> usize {
+        2 * self.input_stride()
+    }
+
+    /// Numbers from one line of the input to the next.
+    #[inline(always)]
+    pub(super) fn input_line(&self) -> usize {
+        self.input[1] * self.input_stride()
+    }
+
+    /// Whether a tile's upper and left cells belong to an earlier tile too.
+    #[inline(always)]
+    pub(super) fn is_begun(&self, tile: usize) -> [bool; 2] {
+        self.tile(tile).map(|start| start > 0)
     }
 
     /// Where a tile's 2×2 outputs start in the frame's output; `None` beyond an odd output's edge.

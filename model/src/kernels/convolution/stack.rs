@@ -40,7 +40,7 @@ impl Stack {
         let layer = &self.layers[layer];
         let [k, n] = layer.product();
         let frame = winograd::PRODUCTS * layer.tiles() * (k + n);
-        (256 * 1024 / frame).max(64 / layer.tiles()).clamp(1, 64)
+        (128 * 1024 / frame).max(64 / layer.tiles()).clamp(1, 64)
     }
 
     /// Activations of every layer, `[frames, height, width, stride]` each.
@@ -114,7 +114,7 @@ impl Stack {
                 let shares: Vec<&Planes> = shares.iter().map(|share| &share[index]).collect();
                 let weight = match index {
                     0 => weights::pixel_gradient(layer, &shares),
-                    _ => weights::gradient(layer, &shares),
+                    _ => weights::gradient(layer, &shares, self.instructions),
                 };
                 Gradients { weight, bias: weights::bias_gradient(layer, &shares) }
             })
@@ -157,7 +157,7 @@ impl Stack {
         layers
             .map(|(index, (layer, Weights { weight, bias }))| match index {
                 0 => weights::pixel_planes(layer, weight, bias),
-                _ => weights::planes(layer, weight, bias, turned),
+                _ => weights::planes(layer, weight, bias, turned, self.instructions),
             })
             .collect()
     }

@@ -22,13 +22,13 @@ struct Carried {
     reward: [Sheet; 3],
 }
 
-/// `rows` is the gradient of the packed output, row-major `[horizon + 1, rows, width]`.
+/// `output` is the gradient of the output, in its parts.
 pub(super) fn lane_backward(
     sizes: Sizes,
     packed: &Packed,
     given: Given<'_>,
     lane: &Lane,
-    rows: &[f32],
+    output: &[f32],
     instructions: Instructions,
 ) -> LayerGradients {
     let (count, horizon) = (lane.count, sizes.horizon);
@@ -42,15 +42,17 @@ pub(super) fn lane_backward(
         reward: [panels(sizes.reward), panels(sizes.reward), 1].map(sheet),
     };
     let mut outputs = Sheet::zeros(2 * sizes.a(), horizon * count);
-    let row_of = |k: usize, row: usize| &rows[(k * sizes.rows + lane.at + row) * sizes.width()..][..sizes.width()];
-    add_features(sizes, &mut carried.state, count, |row| row_of(horizon, row));
+    let ([features, rewards, drawn], width) = (sizes.cut(output), sizes.hidden + sizes.latent);
+    let place = |k: usize, row: usize| k * sizes.rows + lane.at + row;
+    let seen = |k: usize, row: usize| &features[place(k, row) * width..][..width];
+    add_features(sizes, &mut carried.state, count, |row| seen(horizon, row));
     for k in (0..horizon).rev() {
         carried.leave(sizes, packed, given, lane, k, instructions);
         carried.withdraw(sizes, packed, lane, k, instructions);
-        carried.repay(sizes, packed, lane, k, |row| row_of(k, row)[sizes.hidden + sizes.latent], instructions);
-        carried.choose(sizes, given, lane, k, &mut outputs, |row| &row_of(k, row)[sizes.hidden + sizes.latent + 1..]);
+        carried.repay(sizes, packed, lane, k, |row| rewards[place(k, row)], instructions);
+        carried.choose(sizes, given, lane, k, &mut outputs, |row| &drawn[place(k, row) * 2 * sizes.actions..]);
         carried.turn(sizes, count);
-        add_features(sizes, &mut carried.state, count, |row| row_of(k, row));
+        add_features(sizes, &mut carried.state, count, |row| seen(k, row));
     }
     learn(sizes, packed, lane, outputs, instructions)
 }

@@ -38,9 +38,26 @@ impl Sizes {
     pub(super) fn a(self) -> usize {
         panels(self.actions)
     }
-    /// Numbers of a row of the packed output: features, reward, the actor's output.
-    pub(super) fn width(self) -> usize {
-        self.hidden + self.latent + 1 + 2 * self.actions
+    /// Numbers of the features, of the rewards and of the actor's outputs, in the order in which they lie in the output.
+    pub(super) fn parts(self) -> [usize; 3] {
+        let imagined = self.horizon * self.rows;
+        [(imagined + self.rows) * (self.hidden + self.latent), imagined, imagined * 2 * self.actions]
+    }
+
+    /// The output, or its gradient, cut into these.
+    pub(super) fn cut(self, numbers: &[f32]) -> [&[f32]; 3] {
+        let [features, rewards, _] = self.parts();
+        let (features, small) = numbers.split_at(features);
+        let (rewards, outputs) = small.split_at(rewards);
+        [features, rewards, outputs]
+    }
+
+    /// The same, to be written.
+    pub(super) fn cut_mut(self, numbers: &mut [f32]) -> [&mut [f32]; 3] {
+        let [features, rewards, _] = self.parts();
+        let (features, small) = numbers.split_at_mut(features);
+        let (rewards, outputs) = small.split_at_mut(rewards);
+        [features, rewards, outputs]
     }
 }
 

@@ -1,7 +1,7 @@
 //! Imagination as one differentiable Burn operation on `flex`.
 //!
-//! In: Burn tensors. Out: Burn tensors that are parts of one packed tensor `[horizon + 1, rows, hidden + latent + 1 + 2A]` (features, reward, the actor's
-//! output), whose backward pass is [`lane_backward`].
+//! In: Burn tensors. Out: Burn tensors that are parts of one, whose backward pass is [`lane_backward`]: the features `[horizon + 1, rows, hidden + latent]`, behind them the rewards
+//! `[horizon, rows]`, and then the actor's outputs `[horizon, rows, 2A]`, so that each lies in one piece and is read where it is.
 
 use std::sync::Arc;
 
@@ -80,12 +80,14 @@ pub(super) fn imagination(
     let [(w1, b1), (w2, b2), (w3, b3)] = actor.layers.clone();
     let actor =
         [Operand::of(w1)?, Operand::of(b1)?, Operand::of(w2)?, Operand::of(b2)?, Operand::of(w3)?, Operand::of(b3)?];
-    let packed: Tensor<3> = run(Imagination { sizes, given, world, instructions }, actor)?;
-    let seen = hidden + latent;
+    let parts: Tensor<1> = run(Imagination { sizes, given, world, instructions }, actor)?;
+    let [features, rewards, outputs] = sizes.parts();
+    // What is small is cut off together, so that going back only one gradient beside the features' is as long as all of them.
+    let small = parts.clone().narrow(0, features, rewards + outputs);
     Some(Imagined {
-        features: packed.clone().narrow(2, 0, seen),
-        rewards: packed.clone().narrow(2, seen, 1).narrow(0, 0, horizon).squeeze_dim(2),
-        outputs: packed.narrow(2, seen + 1, 2 * actions).narrow(0, 0, horizon),
+        features: parts.narrow(0, 0, features).reshape([horizon + 1, rows, hidden + latent]),
+        rewards: small.clone().narrow(0, 0, rewards).reshape([horizon, rows]),
+        outputs: small.narrow(0, rewards, outputs).reshape([horizon, rows, 2 * actions]),
     })
 }
 
@@ -131,25 +133,27 @@ impl Imagination {
             .into_par_iter()
             .map(|at| Lane::run(sizes, packed, given, at, ROWS.min(sizes.rows - at), self.instructions))
             .collect();
-        let Sizes { horizon, rows, hidden, latent, actions, .. } = sizes;
-        let (width, seen) = (sizes.width(), hidden + latent);
-        let mut out = vec![0.0; (horizon + 1) * rows * width];
+        let mut out = vec![0.0; sizes.parts().iter().sum()];
+        let Sizes { horizon, hidden, latent, actions, .. } = sizes;
+        let [features, rewards, outputs] = sizes.cut_mut(&mut out);
         for lane in &lanes {
             for k in 0..=horizon {
                 for row in 0..lane.count {
-                    let place = k * lane.count + row;
-                    let out = &mut out[(k * rows + lane.at + row) * width..][..width];
-                    lane.x.read(0, place, hidden, &mut out[..hidden]);
-                    lane.x.read(sizes.h(), place, latent, &mut out[hidden..seen]);
+                    let (from, to) = (k * lane.count + row, k * sizes.rows + lane.at + row);
+                    let seen = &mut features[to * (hidden + latent)..][..hidden + latent];
+                    lane.x.read(0, from, hidden, &mut seen[..hidden]);
+                    lane.x.read(sizes.h(), from, latent, &mut seen[hidden..]);
                     if k < horizon {
-                        out[seen] = lane.rewards.part(0, place, 1)[0] * sizes.reward_scale;
-                        lane.actor[2].read(0, place, actions, &mut out[seen + 1..seen + 1 + actions]);
-                        lane.actor[2].read(sizes.a(), place, actions, &mut out[seen + 1 + actions..]);
+                        rewards[to] = lane.rewards.part(0, from, 1)[0] * sizes.reward_scale;
+                        let output = &mut outputs[to * 2 * actions..][..2 * actions];
+                        lane.actor[2].read(0, from, actions, &mut output[..actions]);
+                        lane.actor[2].read(sizes.a(), from, actions, &mut output[actions..]);
                     }
                 }
             }
         }
-        (flex::tensor(out, [horizon + 1, rows, width]), lanes)
+        let len = out.len();
+        (flex::tensor(out, [len]), lanes)
     }
 }
 

@@ -27,11 +27,15 @@ pub(super) fn packed_turned(sizes: Sizes, weight: &[f32]) -> Buffer {
     let plane = 3 * sizes.padded() * PANEL;
     let mut packed = Buffer::zeros(sizes.panels() * plane);
     packed.par_chunks_exact_mut(plane).enumerate().for_each(|(panel, packed)| {
-        for lane in 0..sizes.width(panel) {
-            let weight = &weight[(panel * PANEL + lane) * 3 * sizes.hidden..];
-            for gate in 0..3 {
-                for n in 0..sizes.hidden {
-                    packed[(gate * sizes.padded() + n) * PANEL + lane] = weight[gate * sizes.hidden + n];
+        for (gate, packed) in packed.chunks_exact_mut(sizes.padded() * PANEL).enumerate() {
+            // Square by square, so that what is written stays near the core until its lines are full.
+            for (square, packed) in packed.chunks_exact_mut(PANEL * PANEL).enumerate() {
+                for lane in 0..sizes.width(panel) {
+                    let start = (panel * PANEL + lane) * 3 * sizes.hidden + gate * sizes.hidden + square * PANEL;
+                    let weight = &weight[start..start + sizes.width(square)];
+                    for (row, number) in weight.iter().enumerate() {
+                        packed[row * PANEL + lane] = *number;
+                    }
                 }
             }
         }
