@@ -46,15 +46,11 @@ enum Verb {
     Info(info::InfoArgs),
     /// Check a recording: checksums and alignment; simulate it and draw a sample of its pictures anew, and compare.
     Verify(verify::VerifyArgs),
-    /// Join recordings of one spec into a new one.
+    // These five say what they are themselves, at length: a line here would stand in the place of all of it.
     Merge(merge::MergeArgs),
-    /// Divide a recording into parts, such that no part has seen the held-out trajectories of another.
     Split(split::SplitArgs),
-    /// Keep some of a recording's episodes, by return, policy, or place in the grid.
     Filter(filter::FilterArgs),
-    /// Write a recording as a Minari or LeRobot dataset, or as plain Parquet.
     Export(export::ExportArgs),
-    /// Make a recording of a Dreamer or Minari dataset.
     Import(import::ImportArgs),
     /// Simulate a trace or a recorded episode anew and compare.
     Replay(replay::ReplayArgs),
@@ -91,11 +87,12 @@ fn dispatch(cli: Cli) -> anyhow::Result<Outcome> {
     }
 }
 
-/// How an error ends the program: a name or text that cannot be is the caller's to mend, a folder that another process writes into will be free.
+/// How an error ends the program: a name or text that cannot be is the caller's to mend, a folder that another process writes into will be free, and what was
+/// stopped is to be begun again.
 fn judge(error: &anyhow::Error) -> Outcome {
     use vibes_data::Error::Owned;
     let is_wrong = match error.downcast_ref::<Error>() {
-        Some(Error::Data(Owned { .. })) => return Outcome::Again,
+        Some(Error::Data(Owned { .. }) | Error::Stopped) => return Outcome::Again,
         Some(Error::World(world)) => is_wrong_argument(world),
         Some(error) => {
             matches!(error, Error::UnknownName { .. } | Error::Shrinks { .. } | Error::Selection { .. })

@@ -39,8 +39,8 @@ pub enum Error {
         /// What differs.
         fact: String,
     },
-    /// A recording that does not hold the episodes its options make.
-    #[error("{fact}; only a recording as vibes-collect made it can be extended: {path}")]
+    /// A recording that does not hold the episodes its options make, or whose options are not those of one command.
+    #[error("{fact}; this needs a recording as vibes-collect made it: {path}")]
     NotAsPlanned {
         /// What is different.
         fact: String,
@@ -75,6 +75,9 @@ pub enum Error {
         /// What would be right.
         expected: String,
     },
+    /// Somebody asked to stop while a folder was made.
+    #[error("stopped; nothing is left behind, and the same command begins anew")]
+    Stopped,
     /// The simulation, a policy, a video or the renderer refused.
     #[error(transparent)]
     World(#[from] vibes_env::Error),

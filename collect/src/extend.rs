@@ -118,10 +118,7 @@ pub fn extend(path: &Path, size: Size, run: ExtendRun<'_>, report: &(dyn Fn(Prog
     places.keep_what_is_beside()?;
     if !is_wider {
         places.clear()?;
-        ask_for(&recording, &options)?;
-        // The recorder takes it over.
-        drop(lock);
-        return record(path, &record_run, report);
+        return grow_in_place(&recording, lock, &record_run, report);
     }
     places.forget_other_sizes(&options)?;
     let wider = record(&places.larger, &record_run, report)?;
@@ -134,6 +131,34 @@ pub fn extend(path: &Path, size: Size, run: ExtendRun<'_>, report: &(dyn Fn(Prog
     Ok(Recording::open(path)?)
 }
 
+/// Adds rows or episodes where the recording lies. When that fails before there is a new one, the recording asks for what it asked for before, so that the command
+/// which made it still knows it.
+fn grow_in_place(
+    recording: &Recording,
+    lock: FolderLock,
+    run: &RecordRun<'_>,
+    report: &(dyn Fn(Progress) + Sync),
+) -> Result<Recording> {
+    ask_for(recording, run.options)?;
+    // The recorder takes it over.
+    drop(lock);
+    let larger = record(recording.path(), run, report);
+    if larger.is_err() {
+        // What went wrong first is what to say.
+        let _ = take_back(recording);
+    }
+    larger
+}
+
+/// Writes the manifest as it was, unless there is a new episode by now.
+fn take_back(before: &Recording) -> Result<()> {
+    let _lock = FolderLock::acquire(before.path())?;
+    if Recording::open(before.path())?.episodes().len() <= before.episodes().len() {
+        before.manifest().write(&before.path().join("manifest.json"))?;
+    }
+    Ok(())
+}
+
 /// Whether the recording holds what its options make, and may grow to `size`.
 fn check(recording: &Recording, options: &RecordOptions, size: Size) -> Result<()> {
     let path = recording.path();
@@ -144,6 +169,11 @@ fn check(recording: &Recording, options: &RecordOptions, size: Size) -> Result<(
     let fault = |fact: String| Err(Error::NotAsPlanned { fact, path: path.into() });
     if options.rotated.is_some() {
         return fault("its states were turned about the origin".to_owned());
+    }
+    let acted = &options.policy;
+    if acted.parse::<PolicyMix>().is_err() {
+        let by = if acted == "python" { "from Python" } else { "by an online run or another program" };
+        return fault(format!("it was recorded {by}, whose policy ({acted}) does not act here"));
     }
     if recording.manifest().options.get(SUBSET).is_some() {
         return fault("it is a part of another, and growing would fill in what was left out".to_owned());

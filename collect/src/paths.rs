@@ -9,21 +9,40 @@ use serde_json::Value;
 use vibes_data::{followed, followed_place, whole};
 use vibes_env::{PolicyMix, PolicySpec};
 
+use crate::plan::MERGED;
+
 /// The options of a recording in the folder `to`, made from those that are relative to `from`; without a `from`, from those that were typed.
 pub(crate) fn rebase(options: &mut Value, from: Option<&Path>, to: Option<&Path>) {
     let moved = |path: &Path| -> PathBuf {
         let found = from.map_or_else(|| path.to_owned(), |from| found(from, path));
         to.map_or_else(|| found.clone(), |to| relative(to, &found))
     };
+    change(options, &moved, &moved);
+}
+
+/// Leaves of every path what is the same wherever the recording in `folder` lies: the name of a policy's file or run. Where videos lie says nothing, since the
+/// manifest lists them.
+pub(crate) fn without_places(options: &mut Value, folder: &Path) {
+    let name = |path: &Path| whole(&followed(folder).join(path)).file_name().map(PathBuf::from).unwrap_or_default();
+    change(options, &|_: &Path| PathBuf::new(), &name);
+}
+
+/// Puts other paths in the place of those that options name, and of those that the parts name which a recording was merged of.
+fn change(options: &mut Value, videos: &dyn Fn(&Path) -> PathBuf, policies: &dyn Fn(&Path) -> PathBuf) {
+    for part in options.get_mut(MERGED).and_then(Value::as_array_mut).into_iter().flatten() {
+        if let Some(options) = part.get_mut("options") {
+            change(options, videos, policies);
+        }
+    }
     if let Some(folder) = options.pointer_mut("/videos/folder")
         && let Some(path) = folder.as_str().map(PathBuf::from)
     {
-        *folder = moved(&path).to_string_lossy().into();
+        *folder = videos(&path).to_string_lossy().into();
     }
     if let Some(policy) = options.get_mut("policy")
         && let Some(mix) = policy.as_str().and_then(|text| text.parse::<PolicyMix>().ok())
     {
-        let elsewhere = mix.with_paths(&moved);
+        let elsewhere = mix.with_paths(policies);
         // Shares that are written once more may round once more.
         if elsewhere != mix {
             *policy = elsewhere.to_string().into();
@@ -71,10 +90,26 @@ mod tests {
         assert_eq!(options["videos"]["folder"], "../sets/DAVIS");
         rebase(&mut options, Some(&other), None);
         assert_eq!(options["videos"], typed["videos"]);
+        let mut merged = serde_json::json!({ "merged": [{ "options": typed }] });
+        rebase(&mut merged, None, Some(&recording));
+        assert_eq!(merged["merged"][0]["options"]["videos"]["folder"], "../../sets/DAVIS", "those of its parts too");
         let mut procedural = serde_json::json!({ "videos": "procedural", "policy": "random:1" });
         let before = procedural.clone();
         rebase(&mut procedural, None, Some(&recording));
         assert_eq!(procedural, before);
+    }
+
+    #[test]
+    fn without_places_recordings_of_two_machines_are_one_and_those_of_two_files_are_not() {
+        let named = |videos: &str, policy: &str, folder: &str| {
+            let mut options = serde_json::json!({ "videos": { "folder": videos }, "policy": policy, "seed": 3 });
+            without_places(&mut options, Path::new(folder));
+            options
+        };
+        let here = named("../films", "random:0.5,../runs/a:0.5", "/home/one/recordings/r");
+        assert_eq!(here, named("../../sets/films", "random:0.5,../../a:0.5", "/mnt/x/deep/r"));
+        assert_ne!(here, named("../films", "random:0.5,../runs/b:0.5", "/home/one/recordings/r"));
+        assert_ne!(named("v", "actions:../a.json:1", "/r"), named("v", "actions:../b.json:1", "/r"));
     }
 
     /// Through a link the way up leads elsewhere than the names say.

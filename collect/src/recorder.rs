@@ -121,7 +121,7 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
         && !path.join("manifest.json").exists()
     {
         // Nor does a file of actions that does not fit.
-        mix.shares().iter().try_for_each(|(policy, _)| policy.check(options.steps, environment.action_len()))?;
+        mix.shares().iter().try_for_each(|(policy, _)| policy.check(options.steps, &environment))?;
     }
     let mut manifest = options.manifest(path, run.seed, &environment, videos.videos());
     if let Some(part) = run.source.subset() {

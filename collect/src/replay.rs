@@ -4,10 +4,11 @@
 //! with our own numbers. Observations and rewards are compared as a recording keeps them, in single precision.
 
 use serde::Serialize;
-use vibes_data::{EpisodeView, Recording, Spec};
+use vibes_data::{EpisodeView, Manifest, Recording};
 
+use crate::care::merge::merged_parts;
 use crate::largest::largest;
-use crate::stored::start_of;
+use crate::stored::{start_of, takes_torques};
 use crate::{Result, Trace};
 use vibes_env::{Environment, EnvironmentOptions};
 
@@ -42,17 +43,29 @@ pub struct ReplayedEpisode {
     pub positions: Vec<Vec<f64>>,
 }
 
-/// The environment of any recording, by its spec alone.
+/// The environment of a recording's episode. Whether a swimmer's action is torques or a wave, the options say; where they do not, the action's length has to, which
+/// is the same for both with five links.
 ///
 /// # Errors
 /// For a task that is not known.
-pub fn environment_of_spec(spec: &Spec) -> Result<Environment> {
-    let options = EnvironmentOptions { action_repeat: Some(spec.action_repeat), raw_torques: false };
-    let environment = Environment::new(&spec.task, options)?;
-    if environment.action_len() == spec.action_len() {
-        return Ok(environment);
+pub fn environment_of(recording: &Recording, index: u32) -> Result<Environment> {
+    let spec = &recording.manifest().spec;
+    let action_repeat = Some(spec.action_repeat);
+    let made = |raw_torques| Environment::new(&spec.task, EnvironmentOptions { action_repeat, raw_torques });
+    if let Some(raw_torques) = torques_of(recording.manifest(), index) {
+        return Ok(made(raw_torques)?);
     }
-    Ok(Environment::new(&spec.task, EnvironmentOptions { raw_torques: true, ..options })?)
+    let environment = made(false)?;
+    let fits = environment.action_len() == spec.action_len();
+    Ok(if fits { environment } else { made(true)? })
+}
+
+/// What the options of an episode say of its actions: those of the part that it came from, where the recording was merged.
+fn torques_of(manifest: &Manifest, index: u32) -> Option<bool> {
+    match merged_parts(manifest) {
+        Some(parts) => takes_torques(&parts.iter().find(|part| part.holds(index))?.options),
+        None => takes_torques(&manifest.options),
+    }
 }
 
 /// Simulates an episode again from its first row and its actions.
@@ -62,7 +75,7 @@ pub fn environment_of_spec(spec: &Spec) -> Result<Environment> {
 pub fn replay_episode(recording: &Recording, index: u32) -> Result<ReplayedEpisode> {
     let view = recording.episode(index)?;
     let entry = &recording.episodes()[recording.episodes().partition_point(|entry| entry.index < index)];
-    let mut environment = environment_of_spec(&recording.manifest().spec)?;
+    let mut environment = environment_of(recording, index)?;
     let start = start_of(recording.path(), entry, &view)?;
     environment.reset_to(&start)?;
     let mut trace = Trace::begin(&environment, start, entry.seed);

@@ -1,7 +1,9 @@
 //! What a policy earned, of a recording. In: its episodes. Out: [`Returns`]: the mean, its 95% interval, and every return.
 
+use std::collections::BTreeSet;
+
 use serde::Serialize;
-use vibes_data::Recording;
+use vibes_data::{EpisodeEntry, Recording};
 use vibes_measure::returns::mean_return;
 
 /// The returns of a recording's state trajectories. The cells of a grid's row share their actions and rewards, so that a row counts once.
@@ -18,9 +20,12 @@ pub struct Returns {
 impl Returns {
     /// Of a recording; none when it has no episode yet.
     pub fn of(recording: &Recording) -> Option<Self> {
-        let mut rows = std::collections::BTreeSet::new();
-        let counts = |row: Option<u32>| row.is_none_or(|row| rows.insert(row));
-        let returns = acted_once(recording, counts);
+        Self::of_episodes(recording.episodes())
+    }
+
+    /// Of some of a recording's episodes; none of none.
+    pub fn of_episodes<'e>(episodes: impl IntoIterator<Item = &'e EpisodeEntry>) -> Option<Self> {
+        let returns = acted_once(episodes);
         let mean = mean_return(&returns).ok()?;
         let interval = [mean.low, mean.high];
         let is_known = interval.iter().all(|end| end.is_finite());
@@ -28,9 +33,9 @@ impl Returns {
     }
 }
 
-/// The returns of the episodes whose grid row `counts`.
-fn acted_once(recording: &Recording, mut counts: impl FnMut(Option<u32>) -> bool) -> Vec<f64> {
-    let episodes = recording.episodes().iter();
-    let once = episodes.filter(|entry| counts(entry.cell.map(|cell| cell.state)));
+/// The returns of the first episode of each grid row, and of every episode without a cell.
+fn acted_once<'e>(episodes: impl IntoIterator<Item = &'e EpisodeEntry>) -> Vec<f64> {
+    let mut rows = BTreeSet::new();
+    let once = episodes.into_iter().filter(|entry| entry.cell.is_none_or(|cell| rows.insert(cell.state)));
     once.map(|entry| entry.episode_return).collect()
 }

@@ -9,7 +9,7 @@ use serde_json::Value;
 use vibes_data::{EpisodeEntry, EpisodeInfo, EpisodeView, Manifest, Recording, sha256_hex};
 
 use crate::paths::rebase;
-use crate::plan::{RecordOptions, SUBSET};
+use crate::plan::{MERGED, RecordOptions, SUBSET};
 use crate::{Error, Result};
 use vibes_env::distractors::DistractorTrajectory;
 use vibes_env::{Environment, ModelOverrides, Start, StateTrajectory};
@@ -17,14 +17,35 @@ use vibes_env::{Environment, ModelOverrides, Start, StateTrajectory};
 /// The options a recording was made with.
 ///
 /// # Errors
-/// [`Error::Malformed`] when they are not this program's, as in a recording that was imported, or hold a number that it does not take.
+/// [`Error::NotAsPlanned`] when no single command of ours made it, as of one that was merged or imported; [`Error::Malformed`] when they are not this program's, or
+/// hold a number that it does not take.
 pub fn options_of(recording: &Recording) -> Result<RecordOptions> {
+    if let Some(fact) = origin(recording.manifest()) {
+        return Err(Error::NotAsPlanned { fact: fact.to_owned(), path: recording.path().into() });
+    }
     let options = read_options(&recording.manifest().options, recording.path()).map_err(|error| {
         let expected = "the manifest holds the options of a recording that vibes-collect made";
         Error::malformed(recording.path(), format!("its options cannot be read ({error})"), expected)
     })?;
     options.check(recording.path())?;
     Ok(options)
+}
+
+/// Where a recording comes from that has no options of one command.
+fn origin(manifest: &Manifest) -> Option<&'static str> {
+    let has = |key: &str| manifest.options.get(key).is_some();
+    if has(MERGED) {
+        return Some("it was merged of several recordings, which can be drawn anew and extended by themselves");
+    }
+    if manifest.is_imported() {
+        return Some("it was imported from another program's dataset");
+    }
+    has("recorded_by").then_some("it was recorded from Python, with a spec of its own")
+}
+
+/// Whether an action is one torque a joint, where the options of a recording, or of a part that it was merged of, say so.
+pub(crate) fn takes_torques(options: &Value) -> Option<bool> {
+    options.get("raw_torques").and_then(Value::as_bool)
 }
 
 /// The options of a recording, or of a part that it was merged of, with paths as they are found from here. What their numbers are is for [`RecordOptions::check`] to say.
@@ -119,13 +140,16 @@ pub fn rotate(states: &mut StateTrajectory, environment: &mut Environment, degre
     Ok(())
 }
 
-/// How many episodes were asked for, where some are missing: it was stopped, and the same command goes on. A part of another recording is whole by itself.
+/// How many episodes were asked for; none where the options do not say, and of a part of another recording, which is whole by itself.
+pub fn asked(recording: &Recording) -> Option<u64> {
+    let options = &recording.manifest().options;
+    let asked = options.get("episodes").and_then(Value::as_u64).filter(|&asked| asked > 0);
+    asked.filter(|_| options.get(SUBSET).is_none())
+}
+
+/// The same as text, where some are missing. It need not have been stopped: what is drawn again of a recording has no more than that had.
 pub fn missing(recording: &Recording) -> String {
-    let Manifest { options, .. } = recording.manifest();
-    let wanted = options.get("episodes").and_then(Value::as_u64).unwrap_or(0);
-    let is_part = options.get(SUBSET).is_some();
-    if is_part || wanted <= recording.episodes().len() as u64 {
-        return String::new();
-    }
-    format!(" of {wanted} (stopped; the same command goes on)")
+    let there = recording.episodes().len() as u64;
+    let asked = asked(recording).filter(|&asked| asked > there);
+    asked.map_or_else(String::new, |asked| format!(" of {asked} (if it was stopped, the same command goes on)"))
 }

@@ -1,8 +1,10 @@
 //! Checks a recording against the world: after what `vibes-data` checks of the files, every episode's physics is simulated again from its first row
 //! and its actions, and a few of its pictures are drawn again.
 //!
-//! In: a recording. Out: a [`Verdict`]: what is wrong, and the largest errors seen.
+//! In: a recording. Out: a [`Verdict`]: what is wrong, and the largest errors seen. Where background videos did not travel along with the recording, no pictures are
+//! drawn; the physics needs none.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -38,6 +40,10 @@ pub struct Verdict {
     pub pictures: usize,
     /// Episodes that were not simulated again because this program did not record them.
     pub foreign: usize,
+    /// Episodes whose pictures were not drawn again because their background videos are not there.
+    pub undrawn: usize,
+    /// The folders where those videos should be.
+    pub absent_videos: BTreeSet<PathBuf>,
 }
 
 impl Verdict {
@@ -56,7 +62,19 @@ impl Verdict {
         let drawn = self.picture_error().map_or_else(String::new, |error| {
             format!("; {} pictures drawn again: largest mean error {error:.2} of 255", self.pictures)
         });
-        format!("{state}: {episodes} episodes{missing}, {} findings{simulated}{drawn}{foreign}", self.findings.len())
+        let undrawn = self.undrawn_text();
+        let findings = self.findings.len();
+        format!("{state}: {episodes} episodes{missing}, {findings} findings{simulated}{drawn}{undrawn}{foreign}")
+    }
+
+    /// What could not be drawn, and why.
+    fn undrawn_text(&self) -> String {
+        if self.undrawn == 0 {
+            return String::new();
+        }
+        let folders: Vec<String> = self.absent_videos.iter().map(|folder| folder.display().to_string()).collect();
+        let (count, folders) = (self.undrawn, folders.join(", "));
+        format!("; pictures of {count} episodes not drawn again: their videos are not there ({folders})")
     }
 
     /// Largest difference of a position; none where nothing was simulated.
@@ -170,19 +188,22 @@ struct Again {
     environment: Environment,
     renderer: Option<Renderer>,
     videos: Arc<VideoLibrary>,
+    /// Where videos should be that are not there, so that nothing is drawn.
+    absent: Option<PathBuf>,
 }
 
 impl Again {
     fn new(options: &RecordOptions, (place, names): (&Path, &[String]), listed: Option<Vec<u32>>) -> Result<Self> {
         let environment = options.environment()?;
-        let settings = options.pictures();
+        let absent = options.pictures().map(|_| options.absent_videos(place, names)).transpose()?.flatten();
+        let settings = options.pictures().filter(|_| absent.is_none());
         let open = |settings| Renderer::new(settings, environment.scenery(), environment.physics().model());
         // Where nothing is drawn again, nobody sees a video.
         let videos = match settings {
             Some(pictures) => options.named_videos(place, names, pictures)?,
             None => Arc::new(VideoLibrary::none()),
         };
-        Ok(Self { listed, renderer: settings.map(open).transpose()?, videos, environment })
+        Ok(Self { listed, renderer: settings.map(open).transpose()?, videos, environment, absent })
     }
 
     fn compare(&mut self, entry: &EpisodeEntry, view: &EpisodeView, verdict: &mut Verdict) -> Result<()> {
@@ -194,6 +215,10 @@ impl Again {
             ..Start::default()
         };
         self.environment.reset_to(&start)?;
+        if let Some(folder) = &self.absent {
+            verdict.undrawn += 1;
+            verdict.absent_videos.insert(folder.clone());
+        }
         let pictures = self.draw_again(view)?;
         let mut positions = 0.0;
         for step in 0..view.steps() {

@@ -9,9 +9,13 @@ mod synthetic;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
-use vibes_collect::care::merge::{merge, merged_parts};
-use vibes_collect::care::select::{Filter, write_subset};
+use vibes_collect::Error;
+use vibes_collect::care::export::{ExportFormat, export, export_until};
+use vibes_collect::care::import::{ImportFormat, ImportOptions, import_until};
+use vibes_collect::care::merge::{merge, merge_until, merged_parts};
+use vibes_collect::care::select::{Filter, Part, write_subset, write_subsets};
 use vibes_collect::care::split::{SplitBy, split};
 use vibes_data::{Episode, FileTransfer, Recording, RecordingWriter, Video, verify_recording};
 
@@ -166,4 +170,71 @@ fn a_filter_keeps_what_passes_every_test() {
     assert_eq!(part.manifest().grid, whole.manifest().grid);
     let taken = write_subset(&whole, &[4], &serde_json::json!({}), &folder.path().join("part"), FileTransfer::Link);
     assert!(taken.unwrap_err().to_string().contains("name a new folder with -o"));
+}
+
+/// Neither a merged nor an imported recording says how many episodes were asked for.
+#[test]
+fn what_was_merged_or_imported_comes_together_again_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    let ones = [plain(&place("one"), 3, 9, &["a", "b"]), plain(&place("two"), 2, 11, &["b", "c"])];
+    let (merged, _) = merge(&ones, &place("merged"), FileTransfer::Link).unwrap();
+    let mut header = manifest(&spec(true), None);
+    header.options = serde_json::json!({ "imported": { "format": "dreamer", "name": "set" }, "episodes": 0 });
+    let writer = RecordingWriter::create_or_resume(&place("imported"), header, true).unwrap();
+    for index in 0..5 {
+        writer.write(&episode(&spec(true), index, None, 9, false), info(index)).unwrap();
+    }
+    for (name, whole) in [("merged", merged), ("imported", writer.finish().unwrap())] {
+        let part = |of: &Recording, kept: &[u32]| {
+            let out = place(&format!("{name}-{}-{kept:?}", of.episodes().len()));
+            write_subset(of, kept, &serde_json::json!({ "verb": "filter" }), &out, FileTransfer::Link).unwrap()
+        };
+        let (first, rest) = (part(&whole, &[0, 1]), part(&whole, &[2, 3, 4]));
+        let less = part(&rest, &[2, 4]);
+        let (some, _) = merge(&[first.clone(), less], &place(&format!("{name}-some")), FileTransfer::Link).unwrap();
+        assert_eq!(some.manifest().options["subset"]["whole"], 5, "one is missing");
+        let last = part(&rest, &[3]);
+        let (all, report) = merge(&[some, last], &place(&format!("{name}-all")), FileTransfer::Link).unwrap();
+        assert!(report.kept_numbers && report.rewritten == 0);
+        assert_eq!(all.manifest(), whole.manifest());
+        let (twice, _) = merge(&[first, rest], &place(&format!("{name}-twice")), FileTransfer::Link).unwrap();
+        assert_eq!(twice.manifest(), whole.manifest());
+    }
+}
+
+/// Asked to stop, every verb of care ends before its next episode and leaves what was there.
+#[test]
+fn what_is_stopped_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    let made = plain(&place("one"), 3, 9, &["a", "b"]);
+    let other = plain(&place("two"), 2, 11, &["b", "c"]);
+    export(&made, ExportFormat::Minari, None, &place("set-v0")).unwrap();
+    let (stop, out, link) = (AtomicBool::new(true), place("out"), FileTransfer::Link);
+    let note = serde_json::json!({ "verb": "filter" });
+    let part = Part { kept: &[0, 1], note: &note, out: &out };
+    let stopped = [
+        export_until(&made, ExportFormat::Minari, None, &out, &stop).err(),
+        export_until(&made, ExportFormat::Lerobot, None, &out, &stop).err(),
+        export_until(&made, ExportFormat::Parquet, None, &out, &stop).err(),
+        import_until(ImportFormat::Minari, &place("set-v0"), &ImportOptions::default(), &out, &stop).err(),
+        merge_until(&[made.clone(), other], &out, link, &stop).err(),
+        merge_until(&[made.clone(), made.clone()], &out, link, &stop).err(),
+        write_subsets(&made, &[part], link, &stop).err(),
+    ];
+    for (place, error) in stopped.iter().enumerate() {
+        assert!(matches!(error, Some(Error::Stopped)), "{place}: {error:?}");
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3, "the two recordings and the dataset");
+}
+
+#[test]
+fn a_filter_of_nothing_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let header = manifest(&spec(false), None);
+    let writer = RecordingWriter::create_or_resume(&folder.path().join("empty"), header, false).unwrap();
+    let empty = writer.finish().unwrap();
+    let error = Filter { min_return: Some(0.0), ..Filter::default() }.select(&empty).unwrap_err().to_string();
+    assert_eq!(error, "no episode passes; the recording has no episodes");
 }

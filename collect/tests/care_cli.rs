@@ -33,6 +33,19 @@ fn what_care_makes_is_sound() {
     works(here, "import --format minari set-v0 -o back");
     assert_eq!(manifest("back"), manifest("grid"));
     assert!(works(here, "verify back").contains("12 pictures drawn again"));
+    let said: serde_json::Value = serde_json::from_str(&works(here, "verify grid-val --json")).unwrap();
+    assert_eq!((&said["foreign"], &said["episodes_asked"], &said["undrawn"]), (&0.into(), &().into(), &0.into()));
+    let said: serde_json::Value = serde_json::from_str(&works(here, "verify grid --json")).unwrap();
+    assert_eq!(said["episodes_asked"], 4);
+    // Every part has a seed and distractors of its own.
+    let said = works(here, "info all");
+    for wanted in ["plain: 2 episodes, seed 4, distractors {", "corner: 2 episodes, seed 0", "grid: 4 episodes, seed 0"]
+    {
+        assert!(said.contains(wanted) && !said.contains("unknown"), "{wanted} in {said}");
+    }
+    for line in ["extend all --episodes 20", "render all --size 8 -o drawn"] {
+        fails(here, line, 1, "merged of several recordings");
+    }
     // A part is not an unfinished whole.
     fails(here, "--grid 2x2 --steps 4 --size 32 -o grid-train", 1, "subset");
     fails(here, "extend grid-train --grid 3x3", 1, "a part of another");
@@ -60,7 +73,7 @@ fn wrong_care_is_refused_with_what_would_be_right() {
     fails(here, "export grid --format hdf5 -o out", 2, "minari, lerobot, parquet");
     fails(here, "import --format dreamer grid -o out", 1, "no .npz file");
     fails(here, "import --format minari grid -o out", 1, "metadata.json");
-    assert!(!here.join("out").exists() && !here.join("out.partial").exists(), "nothing is left behind");
+    assert!(!here.join("out").exists() && !here.join(".out.making").exists(), "nothing is left behind");
     // Without pictures there is nothing to see, and still something to learn from.
     for format in ["minari", "lerobot", "parquet"] {
         works(here, &format!("export grid --format {format} -o {format}"));
@@ -109,6 +122,13 @@ fn a_recording_grows_without_losing_what_lies_beside_its_episodes() {
     assert_eq!(std::fs::read_to_string(here.join("grid/NOTES.md")).unwrap(), "mine");
     assert_eq!(Recording::open(&here.join("grid")).unwrap().episodes().len(), 6);
     assert!(!here.join(".grid.extending").exists());
+    // What is drawn again of one that was not finished has no more than that.
+    works(here, &format!("--episodes 2 {options} -o list"));
+    let place = here.join("list/manifest.json");
+    let manifest = std::fs::read_to_string(&place).unwrap().replacen("\"episodes\": 2", "\"episodes\": 3", 1);
+    std::fs::write(&place, manifest).unwrap();
+    works(here, "render list --size 8 -o drawn");
+    assert!(works(here, "info drawn").contains("2 of 3 (if it was stopped, the same command goes on)"));
     // A part stays one when it is drawn again.
     works(here, "filter grid --states 0 -o part");
     works(here, "render part --size 8 -o small");
@@ -136,6 +156,55 @@ fn actions_of_a_file_are_checked_before_anything_is_recorded() {
     // What is kept is what the actuators can do.
     assert_eq!(recording.episode(0).unwrap().action(1), [0.0, 1.0]);
     assert!(works(here, "verify acted").contains("0 findings"));
+    // A trace has a row a control step, of what every actuator was given.
+    works(here, "replay acted --out trace.json");
+    let traced = "--policy actions:trace.json --no-pixels --episodes 1 -o traced";
+    fails(here, &format!("{traced} --steps 2"), 1, "--action-repeat 1");
+    fails(here, &format!("{traced} --task finger-spin --action-repeat 1 --steps 2"), 1, "a trace of reacher-easy");
+    assert!(!here.join("traced").exists());
+    works(here, &format!("{traced} --action-repeat 1 --steps 8"));
+    assert_eq!(Recording::open(&here.join("traced")).unwrap().episode(0).unwrap().action(7), [0.0, 1.0]);
+    works(here, "--task swimmer-5 --no-pixels --episodes 1 --steps 1 -o swum");
+    works(here, "replay swum --out swum.json");
+    let swum = "--task swimmer-5 --action-repeat 1 --policy actions:swum.json --no-pixels --episodes 1 --steps 10";
+    fails(here, &format!("{swum} -o again"), 1, "--raw-torques");
+    works(here, &format!("{swum} --raw-torques -o again"));
     fails(here, "preview --task foo -o sheets", 2, "reacher-easy");
     assert!(!here.join("sheets").exists());
+}
+
+/// What is made has a name of its own beside its place: nobody's folder is removed for it, whatever it is called.
+#[test]
+fn nothing_that_lies_beside_the_new_folder_is_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    works(here, "--episodes 3 --steps 2 --no-pixels --no-mcap -o cart.partial");
+    let before = run::files(&here.join("cart.partial"));
+    works(here, "filter cart.partial --episodes 0-1 -o cart");
+    assert_eq!(Recording::open(&here.join("cart")).unwrap().episodes().len(), 2);
+    std::fs::remove_dir_all(here.join("cart")).unwrap();
+    works(here, "export cart.partial --format minari -o cart");
+    assert_eq!(run::files(&here.join("cart.partial")), before);
+    std::fs::rename(here.join("cart.partial"), here.join(".other.making")).unwrap();
+    fails(here, "filter .other.making --episodes 0-1 -o other", 1, "the new folder would be made where this lies");
+    assert_eq!(run::files(&here.join(".other.making")), before);
+}
+
+#[test]
+fn a_split_makes_every_part_or_none_and_each_beside_the_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    works(here, "--episodes 4 --steps 2 --no-pixels --no-mcap -o q4");
+    std::fs::create_dir(here.join("q4-val")).unwrap();
+    std::fs::write(here.join("q4-val/notes"), "mine").unwrap();
+    fails(here, "split q4 --parts 0.5,0.5", 1, "something is here already");
+    assert!(!here.join("q4-train").exists());
+    fails(here, "split q4 --parts 0.5,0.5 --names a,", 2, "not empty");
+    std::fs::remove_dir_all(here.join("q4-val")).unwrap();
+    works(&here.join("q4"), "split . --parts 0.5,0.5");
+    for part in ["q4-train", "q4-val"] {
+        assert_eq!(Recording::open(&here.join(part)).unwrap().episodes().len(), 2);
+    }
+    assert!(works(here, "verify q4").contains("0 findings"));
+    assert_eq!(std::fs::read_dir(here.join("q4")).unwrap().count(), 2, "the recording holds what it held");
 }

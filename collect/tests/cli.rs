@@ -9,7 +9,7 @@ use std::path::Path;
 
 use vibes_data::{EpisodeView, Recording};
 
-use run::{collect, fails, works};
+use run::{collect, command, fails, works};
 
 /// Videos of one frame each, every one of its own grey.
 fn write_videos(folder: &Path, names: &[&str]) {
@@ -182,7 +182,7 @@ fn info_says_what_a_recording_holds() {
     manifest["options"]["episodes"] = 5.into();
     std::fs::write(&place, manifest.to_string()).unwrap();
     let text = works(folder.path(), "info r") + &works(folder.path(), "verify r --no-simulation");
-    assert_eq!(text.matches("of 5 (stopped").count(), 2, "{text}");
+    assert_eq!(text.matches("of 5 (if it was stopped, the same command goes on)").count(), 2, "{text}");
 }
 
 #[test]
@@ -208,6 +208,61 @@ fn missing_and_broken_input_exits_with_1() {
     std::fs::create_dir(folder.path().join("broken")).unwrap();
     std::fs::write(folder.path().join("broken/manifest.json"), "{").unwrap();
     fails(folder.path(), "info broken", 1, "manifest.json");
+    fails(folder.path(), "preview --videos nowhere -o figures", 1, "nowhere");
+    assert!(!folder.path().join("figures").exists(), "nothing is left behind");
+    // Before anything is measured.
+    let output = collect(folder.path(), "bench --folder broken/manifest.json");
+    assert_eq!((output.status.code(), output.stdout.is_empty()), (Some(1), true));
+}
+
+/// A folder of five films has fewer of a half than the first difficulty uses, and a sheet shows what there is.
+#[test]
+fn a_preview_takes_as_many_films_as_there_are() {
+    let folder = tempfile::tempdir().unwrap();
+    write_videos(&folder.path().join("films"), &["f1", "f2", "f3", "f4", "f5"]);
+    for set in ["train", "val"] {
+        works(
+            folder.path(),
+            &format!("preview --task reacher-easy --videos films --video-set {set} --size 16 -o {set}"),
+        );
+        assert_eq!(std::fs::read_dir(folder.path().join(set)).unwrap().count(), 3, "a sheet for every difficulty");
+    }
+}
+
+/// A full disk is no fault of the program's.
+#[test]
+fn an_output_that_cannot_be_written_is_an_error_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let sample = concat!(env!("CARGO_MANIFEST_DIR"), "/../data/sample");
+    for arguments in ["info", "info --json", "verify --no-simulation --json"] {
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let output = command(folder.path(), &format!("{arguments} {sample}")).stdout(full).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments}: {said}");
+        assert!(said.starts_with("vibes-collect: cannot write to stdout: "), "{arguments}: {said}");
+        assert_eq!(said.lines().count(), 1, "{arguments}: {said}");
+    }
+}
+
+#[test]
+fn the_long_help_of_the_verbs_of_care_says_what_becomes_of_a_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    for (verb, wanted) in [
+        ("merge", "they lose their cells"),
+        ("split", "no part sees a state or distractor trajectory of another"),
+        ("filter", "the grid keeps its size"),
+        ("export", "the last observation of every episode"),
+        ("import", "choices become zeros and a one"),
+    ] {
+        let help = |flag: &str| {
+            let text = works(folder.path(), &format!("{verb} {flag}"));
+            text.split_whitespace().collect::<Vec<_>>().join(" ")
+        };
+        let (short, long) = (help("-h"), help("--help"));
+        assert!(long.contains(wanted) && !short.contains(wanted), "{verb}: {long}");
+        let first = short.split(" Usage:").next().unwrap();
+        assert!(long.starts_with(first) && works(folder.path(), "--help").contains(verb), "{verb}: {first}");
+    }
 }
 
 /// An evaluation: every policy says its mean return, the interval and every return; a row of a grid counts once.
@@ -228,6 +283,13 @@ fn a_recording_says_what_was_earned() {
     assert_eq!(manifest.manifest().spec.pixels, None);
     let grid = said("--policy random --grid 2x3 --steps 6 -o grid");
     assert_eq!((&grid["episodes"], grid["returns"].as_array().unwrap().len()), (&6.into(), 2));
+    // `info` says the same mean, also where rows have lost some of their cells.
+    works(folder.path(), "filter grid --episodes 0-3 -o uneven");
+    for name in ["grid", "uneven"] {
+        let text = works(folder.path(), &format!("info {name}"));
+        let wanted = format!("mean {:.1}, lowest", grid["mean_return"].as_f64().unwrap());
+        assert!(text.contains(&wanted) && text.contains("of 2 state trajectories"), "{wanted} in {text}");
+    }
     let single = said("--policy random --episodes 1 --steps 6 -o single");
     assert!(single["interval"].is_null() && single["mean_return"].is_number(), "{single}");
 }

@@ -148,11 +148,13 @@ fn dreamer_rows_are_shifted_to_the_row_where_the_action_was_taken() {
         npz(&bad.join("c.npz"), arrays, true);
         let error = import(ImportFormat::Dreamer, &bad, &options, &folder.path().join("no")).unwrap_err().to_string();
         assert!(error.contains(says) && error.contains("c.npz"), "{error}");
-        assert!(!folder.path().join("no").exists() && !folder.path().join("no.partial").exists());
+        assert!(!folder.path().join("no").exists() && !folder.path().join(".no.making").exists());
     };
     refused(&whole[..2], "no array reward");
     refused(&[whole[1].clone(), ("reward", npy("<f4", "4,", &singles(&[0.0; 4])))], "4 rewards, but action");
-    refused(&[whole[1].clone(), ("reward", npy("<f4", "5,", &singles(&[0.0, f32::NAN, 0.0, 0.0, 0.0])))], "NaN");
+    let nan = ("reward", npy("<f4", "5,", &singles(&[0.0, f32::NAN, 0.0, 0.0, 0.0])));
+    refused(&[whole[1].clone(), whole[3].clone(), nan], "NaN");
+    refused(&[whole[1].clone(), whole[2].clone()], "no observation that a recording holds");
     refused(&[whole[1].clone(), ("reward", npy("<f4", "4611686018427387904,", &[0; 64]))], "in so small a file");
     refused(&[whole[1].clone(), ("reward", npy("<U1", "5,", &[0; 20]))], "<U1");
 }

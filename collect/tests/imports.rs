@@ -9,6 +9,7 @@ mod numpy;
 #[path = "../../data/tests/synthetic/mod.rs"]
 mod synthetic;
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
@@ -228,6 +229,9 @@ fn hdf5(set: &Path, order: DatatypeByteOrder, pictures: &dyn Fn(&mut hdf5_pure::
     for name in ["terminations", "truncations"] {
         episode.create_dataset(name).with_u8_data(&[0, 0]);
     }
+    let mut infos = episode.create_group("infos");
+    infos.create_dataset("torque").with_f32_data(&[0.0, 1.0, 2.0]);
+    episode.add_group(infos.finish());
     file.add_group(episode.finish());
     fs::write(set.join("main_data.hdf5"), file.finish().unwrap()).unwrap();
     let observations = r#"{"type": "Dict", "subspaces": {
@@ -279,4 +283,109 @@ fn jpegs_of_one_length_and_float16_are_read_from_hdf5() {
     });
     let error = read_minari(&set).unwrap_err();
     assert!(error.contains("float32, not uint8"), "{error}");
+}
+
+/// Puts another text in the place of one in a dataset's metadata.
+fn change_metadata(set: &Path, before: &str, after: &str) {
+    let path = set.join("metadata.json");
+    let text = fs::read_to_string(&path).unwrap();
+    assert!(text.contains(before), "{before} in {text}");
+    fs::write(&path, text.replace(before, after)).unwrap();
+}
+
+/// `infos` of other programs have no place in a recording, in either storage.
+#[test]
+fn what_minari_keeps_beside_the_observations_is_left_out_and_said() {
+    let within = tempfile::tempdir().unwrap();
+    let ignored = |set: &Path| {
+        let out = set.with_extension("recording");
+        import(ImportFormat::Minari, set, &ImportOptions::default(), &out).unwrap().1.ignored
+    };
+    let set = folder(within.path(), "hdf5");
+    hdf5(&set, DatatypeByteOrder::LittleEndian, &|group| {
+        group.create_dataset("eye").with_u8_data(&[7; 3 * 768]).with_shape(&[3, 16, 16, 3]);
+    });
+    assert_eq!(ignored(&set), BTreeSet::from(["infos/torque".to_owned()]));
+    let made = synthetic::recording(&within.path().join("made"), 1, 1);
+    let set = within.path().join("arrow-v0");
+    export(&made, ExportFormat::Minari, None, &set).unwrap();
+    assert_eq!(ignored(&set), BTreeSet::new(), "what an export put there is taken");
+    // Without the recording's header it is a dataset like any other.
+    let foreign = within.path().join("foreign-v0");
+    fs::rename(&set, &foreign).unwrap();
+    change_metadata(&foreign.join("data"), "\"vibes\"", "\"other\"");
+    let names = ["discount", "qpos", "qvel", "camera", "colors", "video", "frame"];
+    assert_eq!(ignored(&foreign), names.iter().map(|name| format!("infos/{name}")).collect::<BTreeSet<String>>());
+}
+
+/// Environments of Atari and others that were wrapped for PyTorch have their channels first.
+#[test]
+fn pictures_with_channels_first_are_turned_and_nothing_to_see_is_refused() {
+    let within = tempfile::tempdir().unwrap();
+    let set = folder(within.path(), "planes");
+    // Three rows of a plane for each colour.
+    let planes: Vec<u8> = (0..9_u8).flat_map(|plane| [10 * plane; 256]).collect();
+    hdf5(&set, DatatypeByteOrder::LittleEndian, &|group| {
+        group.create_dataset("eye").with_u8_data(&planes).with_shape(&[3, 3, 16, 16]);
+    });
+    change_metadata(&set, "[16, 16, 3]", "[3, 16, 16]");
+    let episode = read_minari(&set).unwrap();
+    assert_eq!(episode.pixels.len(), 3 * 768);
+    for (row, picture) in episode.pixels.chunks(768).enumerate() {
+        let colour = [0, 1, 2].map(|channel| 10 * (3 * row as u8 + channel));
+        assert!(picture.chunks(3).all(|rgb| rgb == colour), "row {row}");
+    }
+    let grey = folder(within.path(), "grey");
+    hdf5(&grey, DatatypeByteOrder::LittleEndian, &|group| {
+        group.create_dataset("eye").with_u8_data(&[7; 768]).with_shape(&[3, 16, 16, 1]);
+    });
+    change_metadata(&grey, "[16, 16, 3]", "[16, 16, 1]");
+    assert!(read_minari(&grey).unwrap().pixels.is_empty(), "its speed is left");
+    change_metadata(
+        &grey,
+        "\\\"Box\\\", \\\"dtype\\\": \\\"float16\\\"",
+        "\\\"Text\\\", \\\"dtype\\\": \\\"float16\\\"",
+    );
+    let error = read_minari(&grey).unwrap_err();
+    assert!(error.contains("no observation that a recording holds") && error.contains("[16, 16, 1]"), "{error}");
+}
+
+/// Where no row says that it is the first, the last ones divide a file.
+#[test]
+fn rows_that_are_last_divide_a_file_without_first_ones() {
+    let within = tempfile::tempdir().unwrap();
+    let rows = |count: usize| singles(&(0..count).map(|row| row as f32).collect::<Vec<f32>>());
+    let arrays = vec![
+        ("action", npy("<f4", "6, 1", &rows(6))),
+        ("reward", npy("<f4", "6,", &rows(6))),
+        ("speed", npy("<f4", "6,", &rows(6))),
+        ("is_last", npy("|b1", "6,", &[0, 0, 1, 0, 0, 1])),
+    ];
+    let set = folder(within.path(), "last");
+    npz(&set.join("a.npz"), &arrays, false);
+    let (_, found) = read(&set).unwrap();
+    let speeds: Vec<&[f32]> = found.iter().map(|episode| episode.observations.as_slice()).collect();
+    assert_eq!(speeds, [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]);
+    assert_eq!(found[1].actions, [4.0, 5.0], "the zeros of the first row are dropped in each");
+    let first = [&arrays[..], &[("is_first", npy("|b1", "6,", &[1, 0, 0, 0, 0, 0]))]].concat();
+    npz(&set.join("a.npz"), &first, false);
+    assert_eq!(read(&set).unwrap().1.len(), 1, "what says which rows are first is believed");
+}
+
+/// A column of no length, or two of one name, would be a dataset that nobody reads.
+#[test]
+fn what_minari_cannot_hold_is_refused_in_words() {
+    let within = tempfile::tempdir().unwrap();
+    let refused = |name: &str, spec: &vibes_data::Spec, said: &str| {
+        let made = RecordingWriter::create_or_resume(&within.path().join(name), manifest(spec, None), false).unwrap();
+        let recording = made.finish().unwrap();
+        let out = within.path().join("out");
+        let error = export(&recording, ExportFormat::Minari, None, &out).unwrap_err().to_string();
+        assert!(error.contains(said) && error.contains("--format parquet"), "{error}");
+        assert!(!out.exists());
+    };
+    let mut named = spec(true);
+    named.observation[1].name = "pixels".to_owned();
+    refused("named", &named, "named pixels");
+    refused("blind", &vibes_data::Spec { observation: Vec::new(), ..spec(false) }, "neither pictures nor");
 }

@@ -106,19 +106,32 @@ fn without_space_it_stops_cleanly_and_keeps_what_is_finished() {
     let folder = folder.path();
     works(folder, "--episodes 4 --steps 10 --size 64 -o undisturbed");
     works(folder, "--episodes 2 --steps 10 --size 64 -o full");
+    // Begun as four, of which two are there.
+    works(folder, "--episodes 4 --steps 10 --size 64 -o begun");
+    for file in ["000002.arrow", "000002.mcap", "000003.arrow", "000003.mcap"] {
+        std::fs::remove_file(folder.join("begun/episodes").join(file)).unwrap();
+    }
+    let before = files(&folder.join("full"));
     // An episode's table has more than 11 pictures of 12 kB, the manifest less than 20 kB.
-    for arguments in ["extend full --episodes 4", "--episodes 4 --steps 10 --size 64 -o full"] {
+    for (name, arguments) in
+        [("full", "extend full --episodes 4"), ("begun", "--episodes 4 --steps 10 --size 64 -o begun")]
+    {
         let output = confined(folder, arguments, 100);
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{said}");
         assert!(said.contains("cannot write") && said.contains("2 finished episodes are kept"), "{said}");
         assert!(!said.contains("panicked"), "{said}");
-        assert_eq!(sound_episodes(&folder.join("full")), 2);
-        let partial = files(&folder.join("full")).into_keys().find(|name| name.ends_with(".partial"));
+        assert_eq!(sound_episodes(&folder.join(name)), 2);
+        let partial = files(&folder.join(name)).into_keys().find(|name| name.ends_with(".partial"));
         assert_eq!(partial, None, "what could not be finished takes no space");
     }
-    works(folder, "--episodes 4 --steps 10 --size 64 -o full");
-    assert_same_bytes(&folder.join("undisturbed"), &folder.join("full"));
+    assert_eq!(files(&folder.join("full")), before, "it asks for what it asked for before");
+    works(folder, "--episodes 2 --steps 10 --size 64 -o full");
+    works(folder, "extend full --episodes 4");
+    works(folder, "--episodes 4 --steps 10 --size 64 -o begun");
+    for name in ["full", "begun"] {
+        assert_same_bytes(&folder.join("undisturbed"), &folder.join(name));
+    }
 }
 
 #[test]

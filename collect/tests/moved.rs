@@ -49,6 +49,7 @@ fn a_recording_moves_with_its_videos_and_its_actions() {
     // Taken to other depths, and put together.
     works(&here, "filter recordings/r --max-return 1000 -o deep/er/part");
     works(&here, "merge recordings/r plain -o merged");
+    works(&here, "filter merged --episodes 1-2 -o deep/er/less");
     works(&here, "export recordings/r --format minari -o sets/deep/r-v0");
     works(&here, "import sets/deep/r-v0 --format minari -o back");
     works(&here, "export plain --format parquet -o tables");
@@ -57,7 +58,7 @@ fn a_recording_moves_with_its_videos_and_its_actions() {
     let there = home.join("far/away");
     fs::create_dir_all(home.join("far")).unwrap();
     fs::rename(&here, &there).unwrap();
-    for recording in ["recordings/r", "plain", "deep/er/part", "merged", "back"] {
+    for recording in ["recordings/r", "plain", "deep/er/part", "merged", "deep/er/less", "back"] {
         let said = works(&home, &format!("verify far/away/{recording}"));
         assert!(said.contains("0 findings") && !said.contains("recorded elsewhere"), "{recording}: {said}");
     }
@@ -66,4 +67,31 @@ fn a_recording_moves_with_its_videos_and_its_actions() {
     assert!(works(&home, "verify elsewhere").contains("0 findings"));
     no_path_is_absolute(&there, &home);
     no_path_is_absolute(&home.join("elsewhere"), &home);
+}
+
+/// A part that went to another machine, where its videos are not, is checked as far as it can be there, and is still a part when it comes back.
+#[test]
+fn parts_of_two_machines_come_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let home = folder.path().canonicalize().unwrap();
+    let here = home.join("here");
+    write_videos(&here.join("films"));
+    works(&here, "--grid 2x2 --videos films --video-count 2 --steps 3 --size 24 --no-mcap -q -o vg");
+    works(&here, "split vg --parts 0.5,0.5");
+    fs::create_dir_all(home.join("other/machine")).unwrap();
+    fs::rename(here.join("vg-val"), home.join("other/machine/vg-val")).unwrap();
+
+    let said = works(&home, "verify other/machine/vg-val");
+    assert!(said.starts_with("sound: 2 episodes, 0 findings; 2 simulated again"), "{said}");
+    assert!(said.contains("pictures of 2 episodes not drawn again") && said.contains("films"), "{said}");
+    let said: serde_json::Value = serde_json::from_str(&works(&home, "verify other/machine/vg-val --json")).unwrap();
+    assert_eq!((&said["undrawn"], &said["pictures"]), (&2.into(), &0.into()), "{said}");
+    assert_eq!(said["absent_videos"].as_array().unwrap().len(), 1, "{said}");
+
+    let said = works(&here, "merge vg-train ../other/machine/vg-val -o again");
+    assert!(said.contains("4 episodes, parts of one recording"), "{said}");
+    let manifest = |name: &str| fs::read_to_string(here.join(name).join("manifest.json")).unwrap();
+    assert_eq!(manifest("again"), manifest("vg"));
+    let said = works(&here, "verify again");
+    assert!(said.contains("0 findings") && said.contains("12 pictures drawn again"), "{said}");
 }

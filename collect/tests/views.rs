@@ -61,10 +61,9 @@ fn known_rows_are_not_simulated_again_and_what_fails_harms_nothing() {
     let before = files(&folder.join("grid"));
     fails(folder, "extend grid --grid 3x3", 1, "actions.json");
     assert_eq!(open(folder, "grid").episodes().len(), 6);
-    for (name, bytes) in before.iter().filter(|(name, _)| name.as_str() != "manifest.json") {
-        assert!(files(&folder.join("grid"))[name] == *bytes, "{name} has changed");
-    }
+    assert!(files(&folder.join("grid")) == before, "the manifest asks for what it asked for before");
     works(folder, "verify grid --no-simulation");
+    works(folder, "--grid 2x3 --steps 3 --size 16 --policy actions:actions.json -o grid");
 }
 
 #[test]
@@ -167,7 +166,12 @@ fn what_others_recorded_in_a_world_is_drawn_again() {
     }
     // Whoever simulates has to know who acts.
     change_options(&folder.join("plain"), |options| options["episodes"] = 2.into());
-    fails(folder, "extend plain --episodes 3", 2, "cannot read the policy python");
+    fails(folder, "extend plain --episodes 3", 1, "it was recorded from Python");
+    change_options(&folder.join("plain"), |options| *options = serde_json::json!({ "recorded_by": "python" }));
+    for line in ["extend plain --episodes 3", "render plain --size 20 -o again"] {
+        fails(folder, line, 1, "it was recorded from Python, with a spec of its own");
+    }
+    assert!(!folder.join("again").exists());
 }
 
 /// A damaged manifest asks for more names of videos than memory holds, or for a step that takes for ever.
@@ -293,6 +297,21 @@ fn every_task_s_episode_is_replayed_exactly_and_leaves_a_trace() {
         }
     }
     fails(folder, "replay reacher-easy --episode 7", 1, "no episode 7");
+}
+
+/// Five links have four joints, and a wave has four parameters.
+#[test]
+fn torques_are_replayed_as_torques_and_not_merged_with_waves() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let common = "--task swimmer-5 --episodes 1 --steps 3 --no-pixels --no-mcap";
+    for (name, more) in [("torques", "--raw-torques"), ("others", "--raw-torques --seed 2"), ("waves", "")] {
+        works(folder, &format!("{common} {more} -o {name}"));
+        works(folder, &format!("replay {name} --tolerance 0"));
+    }
+    fails(folder, "merge torques waves -o all", 2, "torques and waves have another raw_torques");
+    works(folder, "merge torques others -o both");
+    works(folder, "replay both --episode 1 --tolerance 0");
 }
 
 /// Another action would have led elsewhere, and replay says so.

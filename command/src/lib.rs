@@ -1,7 +1,7 @@
 //! What the command lines of the three programs share, so that one rule holds for all of them.
 //!
 //! In: a program's clap parser and its work. Out: the process's exit code. On the way: options from a file ([`config`](self#options-from-a-file)),
-//! how much is said ([`Output`]), which options were given ([`Given`]), how it ended ([`Ending`]), and a clean stop on signals ([`stop_on_signals`]). Before everything else: how many threads a matrix
+//! how much is said ([`Output`]), which options were given ([`Given`]), how it ended ([`Ending`]), and a clean end on signals ([`stop_on_signals`]) and where nothing can be printed. Before everything else: how many threads a matrix
 //! product uses ([`products_on_one_thread`]).
 //!
 //! # Options from a file
@@ -14,6 +14,7 @@ mod config;
 mod ending;
 mod given;
 mod output;
+mod printing;
 mod products;
 mod program;
 mod signals;

@@ -8,6 +8,7 @@ use clap::parser::ValueSource;
 use clap::{ArgMatches, Command, CommandFactory, FromArgMatches};
 
 use crate::config::{self, Expanded};
+use crate::printing::end_without_output;
 use crate::signals::end_with_the_reader;
 use crate::{Ending, error_text};
 
@@ -21,6 +22,7 @@ pub fn run<P: CommandFactory + FromArgMatches>(
     let _ = end_with_the_reader();
     let command = config::with_option(P::command());
     let name = command.get_name().to_owned();
+    end_without_output(name.clone());
     let (program, verbose) = match read::<P>(command, std::env::args_os().collect()) {
         Ok(read) => read,
         Err(code) => return code,

@@ -73,7 +73,7 @@ pub enum PolicySpec {
     },
     /// The actions of a file, one row a step.
     Actions {
-        /// A JSON list of rows, or a `vibes-trace/1` file.
+        /// A JSON list of rows, one an agent step, or a `vibes-trace/1` file of the same task, which has one a control step.
         path: PathBuf,
     },
     /// A trained run's actor.
@@ -117,13 +117,13 @@ impl PolicySpec {
 }
 
 impl PolicySpec {
-    /// That what can be known before the first step is right: a file of actions has enough of them, each of the right length.
+    /// That what can be known before the first step is right: a file of actions has enough of them, each of the right length, and a trace is of this environment.
     ///
     /// # Errors
     /// The file cannot be read, or does not fit.
-    pub fn check(&self, steps: u32, action_len: usize) -> Result<()> {
+    pub fn check(&self, steps: u32, environment: &Environment) -> Result<()> {
         match self {
-            Self::Actions { path } => Replay::read(path)?.check(steps, action_len),
+            Self::Actions { path } => Replay::read(path)?.check(steps, environment),
             Self::Random { .. } | Self::Planner { .. } | Self::Run { .. } => Ok(()),
         }
     }

@@ -102,8 +102,12 @@ fn dispatch(cli: Cli) -> anyhow::Result<Ending> {
     Ok(Ending::Done)
 }
 
-/// That the folder of what is to be written is there, before anything is computed.
+/// That a file can be written at a place: its folder is there, and it is none itself. To be known before anything is computed.
 fn check_place(output: &std::path::Path) -> anyhow::Result<()> {
+    if output.is_dir() {
+        let text = format!("-o names a folder; name a file in it: {}", output.display());
+        return Err(TrainError::Options(text).into());
+    }
     let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir());
     folder.map_or(Ok(()), |folder| {
         let text = format!("-o names a folder that is not there: {}", folder.display());

@@ -110,7 +110,7 @@ pub enum TrainError {
         path: PathBuf,
     },
     /// The training has left the numbers.
-    #[error("update {update} diverged: {what} is {value}; the last good checkpoint is kept; try {remedy}: {}", run.display())]
+    #[error("update {update} diverged: {what} is {value}; {}try {remedy}: {}", kept(*is_kept), run.display())]
     Diverged {
         /// The update that was not made.
         update: u64,
@@ -118,6 +118,8 @@ pub enum TrainError {
         what: &'static str,
         /// Its value.
         value: f32,
+        /// Whether there is a checkpoint of before.
+        is_kept: bool,
         /// What may help.
         remedy: &'static str,
         /// The run folder.
@@ -184,6 +186,11 @@ pub(crate) fn refuse<T: Copy + std::fmt::Display>(
         Some((name, value)) => Err(TrainError::Options(format!("--{name} is {value}; it must {must}"))),
         None => Ok(()),
     }
+}
+
+/// What a training that has diverged leaves behind.
+fn kept(is_kept: bool) -> &'static str {
+    if is_kept { "the last good checkpoint is kept; " } else { "" }
 }
 
 /// What to do about a damaged checkpoint.

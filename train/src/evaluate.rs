@@ -27,7 +27,7 @@ mod rows;
 
 pub use feature_table::Features;
 pub use features::features;
-pub use gaps::{GapOptions, Gaps, Judged, Likelihoods, check_gaps, gaps};
+pub use gaps::{GapOptions, Gaps, Judged, Likelihoods, check_gaps, check_windows, gaps};
 pub use open_loop::open_loop;
 pub use rows::{Acting, Rows, trajectories};
 

@@ -125,7 +125,8 @@ fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'
     let kept = if resumed.is_none() { options.prefill.max(1) } else { 0 };
     let replay = Replay::open(&place, manifest, (state.episodes, kept), given, sizes)?;
     listen(Event::Start { control_steps: state.control_steps });
-    evaluate::drop_beyond(&run.evaluations_path(), state.next_evaluation, state.control_steps, was_finished)?;
+    let at = (world_state.update, state.control_steps);
+    evaluate::drop_beyond(&run.evaluations_path(), state.next_evaluation, at, was_finished)?;
     line::drop_lived_beyond(&run.metrics_path(), state.control_steps)?;
     let session = Session::open(run, device, world_state, true)?;
     std::thread::scope(|scope| {

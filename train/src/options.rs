@@ -126,6 +126,7 @@ impl Options {
             ("latent", self.latent as f64),
             ("lr", self.lr),
             ("adversary-lr", self.adversary_lr),
+            ("adam-epsilon", self.adam_epsilon),
             ("gradient-clip", self.gradient_clip),
             ("latent-std", self.latent_std),
             ("prediction-floor", self.prediction_floor),
@@ -153,7 +154,6 @@ impl Options {
             ("reward-scale", self.reward_scale),
             ("gru-update-bias", self.gru_update_bias),
             ("minutes", self.minutes),
-            ("adam-epsilon", self.adam_epsilon),
             ("dynamics-weight", self.dynamics_weight),
             ("reward-weight", self.reward_weight),
         ];

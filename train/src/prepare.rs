@@ -9,7 +9,7 @@ use vibes_model::{ModelConfig, ObservationKind};
 
 use crate::encode::check_sizes;
 use crate::error::{Result, TrainError};
-use crate::evaluate::check_is_grid;
+use crate::evaluate::{check_is_grid, check_windows};
 use crate::options::Options;
 use crate::run::{Run, RunInfo, versions};
 use crate::settings::Observations;
@@ -66,17 +66,18 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
     Run::create_or_open(path, info)
 }
 
-/// That a run on these recordings can be judged on a grid: to be known before its folder is begun.
+/// That a run on these recordings can be judged on a grid, and its gaps measured there where their critic makes any updates: to be known before its folder is begun.
 ///
 /// # Errors
-/// It is no grid, or of other sizes, or the recordings lack the observations asked for.
-pub fn check_held_out(grid: &Recording, recordings: &[Recording], options: &Options) -> Result<()> {
+/// It is no grid, or of other sizes, or has no window for the gaps, or the recordings lack the observations asked for.
+pub fn check_held_out(grid: &Recording, recordings: &[Recording], options: &Options, gap_updates: u64) -> Result<()> {
     if let Some(first) = recordings.first() {
         let spec = &first.manifest().spec;
         let observation = observation_kind(first, options.observations)?;
         check_sizes(&spec.task, observation, spec.action.min.len(), grid)?;
     }
-    check_is_grid(grid)
+    check_is_grid(grid)?;
+    if gap_updates > 0 { check_windows(grid, options.settings.length) } else { Ok(()) }
 }
 
 /// That actions can be scaled to −1..1 in single precision, in which a model holds their bounds.

@@ -344,12 +344,15 @@ impl Run {
     pub fn diverged(&self, error: TrainError, update: u64) -> TrainError {
         match error {
             TrainError::NotFinite { what, value } => {
-                let remedy = if self.path().join("online.json").exists() {
-                    "from the beginning, with another -o and lower step sizes (--lr, --actor-lr, --critic-lr)"
-                } else {
-                    "to go on from here with --from, another -o and a lower --lr"
+                let is_kept = !self.checkpoints().is_empty();
+                let remedy = match is_kept {
+                    _ if self.path().join("online.json").exists() => {
+                        "from the beginning, with another -o and lower step sizes (--lr, --actor-lr, --critic-lr)"
+                    }
+                    true => "to go on from here with --from, another -o and a lower --lr",
+                    false => "from the beginning, with another -o and a lower --lr",
                 };
-                TrainError::Diverged { update: update + 1, what, value, remedy, run: self.path().to_owned() }
+                TrainError::Diverged { update: update + 1, what, value, is_kept, remedy, run: self.path().to_owned() }
             }
             other => other,
         }

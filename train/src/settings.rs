@@ -44,7 +44,7 @@ pub struct Settings {
     pub lr_decay: u64,
     /// Adam's step size for the adversary (`η_ψ`, above `η_φ`).
     pub adversary_lr: f64,
-    /// Adam's ε.
+    /// Adam's ε, above 0: a weight whose gradient is 0 would otherwise move by 0/0.
     pub adam_epsilon: f64,
     /// Largest global norm of the world model's, and of the adversary's, gradient.
     pub gradient_clip: f64,

@@ -59,7 +59,8 @@ impl TrainedRun {
         match self {
             Self::World(run) => run.seen(),
             Self::ModelFree(folder) => match folder.open_recordings() {
-                Ok(recordings) => Seen { recordings, is_whole: true },
+                // A copy may lack the replay, without which nobody knows what the weights have learned from.
+                Ok(recordings) => Seen { is_whole: !recordings.is_empty(), recordings },
                 Err(_gone) => Seen { recordings: Vec::new(), is_whole: false },
             },
         }

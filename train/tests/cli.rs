@@ -87,11 +87,21 @@ fn a_decoder_draws_what_latents_show_and_leaves_the_run_as_it_is() {
         (["--horizon", "18446744073709551615"], 1, "long enough"),
         (["-o", "nowhere/decoded.arrow"], 2, "not there"),
         (["-o", "same.safetensors"], 2, "must end in .arrow"),
+        (["-o", "coins"], 2, "-o names a folder"),
+        (["--strips", "0"], 2, "0 is not in 1.."),
     ] {
         let output =
             vibes_train(folder.path(), &[&["decode", "run", "coins", "--updates", "1000000"][..], &more].concat());
         assert!(output.status.code() == Some(code) && errors(&output).contains(said), "{}", errors(&output));
     }
+    let output = vibes_train(folder.path(), &["decode", "run", "coins", "--updates", "0"]);
+    assert!(output.status.code() == Some(2) && errors(&output).contains("0 is not in 1.."), "{}", errors(&output));
+    // Where it was written elsewhere, that is what is to be drawn.
+    let elsewhere = ["decode", "run", "coins", "--updates", "1", "--horizon", "5", "-o", "elsewhere.arrow"];
+    let output = vibes_train(folder.path(), &elsewhere);
+    assert_done(&output);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(said.contains("vibes-analyze decode elsewhere.arrow"), "{said}");
     let output = vibes_train(folder.path(), &["decode", "run", "nowhere"]);
     assert!(output.status.code() == Some(1) && errors(&output).contains("nowhere"), "{}", errors(&output));
 }
@@ -273,6 +283,39 @@ fn a_kept_run_is_small_has_the_same_latents_and_goes_on() {
     assert!(errors(&again).contains("not there yet"), "{}", errors(&again));
 }
 
+/// No update, no checkpoint, in words and in JSON.
+#[test]
+fn a_run_of_no_updates_has_no_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false);
+    let train = ["offline", "coins", "--preset", "tiny", "--updates", "0", "-o", "run"];
+    assert_done(&vibes_train(folder.path(), &train));
+    let output = vibes_train(folder.path(), &[&train[..], &["--json"]].concat());
+    assert_done(&output);
+    let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(said["checkpoint"].is_null() && said["updates"] == 0, "{said}");
+}
+
+/// Timed updates are of pictures that are made up, and nothing of them is saved.
+#[test]
+fn what_no_timed_update_looks_at_is_refused() {
+    let (folder, offline): (_, &[&str]) = (tempfile::tempdir().unwrap(), &[]);
+    for (option, value) in [
+        ("--observations", "vectors"),
+        ("--updates", "3"),
+        ("--minutes", "4"),
+        ("--checkpoint-every", "7"),
+        ("--log-every", "3"),
+        ("--keep", "9"),
+    ] {
+        for more in [offline, &["--online", "known-slide"]] {
+            let output = vibes_train(folder.path(), &[&["bench", option, value][..], more].concat());
+            let said = errors(&output);
+            assert!(output.status.code() == Some(2) && said.contains(&format!("{option} has no effect")), "{said}");
+        }
+    }
+}
+
 #[test]
 fn a_checkpoint_of_another_shape_is_refused_and_leaves_no_table() {
     let folder = tempfile::tempdir().unwrap();
@@ -445,6 +488,15 @@ fn what_cannot_be_evaluated_is_said_before_anything_is_computed() {
     assert!(!folder.path().join("run/metrics.jsonl").exists(), "no update was made");
     assert_done(&vibes_train(folder.path(), &train));
     fails(&["evaluate", "run", "grid", "-o", "nowhere/numbers.json"], "a folder that is not there");
+    fails(&["evaluate", "run", "grid", "-o", "grid"], "-o names a folder");
+    // A grid without a window has no gaps, and everything else.
+    synthetic::recording(&folder.path().join("brief"), synthetic::SIDE, 6, 7, true);
+    let judged = ["offline", "coins", "--preset", "tiny", "--updates", "2", "--eval", "brief", "-o", "judged"];
+    fails(&judged, "no episode of more than 7 steps");
+    assert!(!folder.path().join("judged").exists(), "no run is begun that cannot be judged");
+    assert_done(&vibes_train(folder.path(), &[&judged[..], &["--gap-updates", "0"]].concat()));
+    fails(&["evaluate", "run", "brief"], "--gap-updates 0");
+    assert_done(&vibes_train(folder.path(), &["evaluate", "run", "brief", "--gap-updates", "0", "-o", "brief.json"]));
     synthetic::recording(&folder.path().join("short"), synthetic::SIDE, 3, 4, false);
     fails(&["evaluate", "run", "grid", "--fit-on", "short"], "short");
     fails(

@@ -10,12 +10,12 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use burn::tensor::Device;
-use process::{assert_same, kill_until_done, text};
+use process::{assert_same, kill_until_done, lines, text};
 use serde_json::Value as Json;
 use vibes_data::{Latents, Recording, verify_recording};
 use vibes_env::distractors::Axes;
 use vibes_train::encode::encode_recording;
-use vibes_train::evaluate::{EvaluateOptions, evaluate};
+use vibes_train::evaluate::{EvaluateOptions, evaluate, is_new_to};
 use vibes_train::fit::{End, Go};
 use vibes_train::learners::model_free::{AgentOptions, system_names};
 use vibes_train::learners::recurrent::options::RecurrentOptions;
@@ -94,10 +94,26 @@ fn every_system_goes_on_exactly_where_it_stopped_and_is_encoded_and_evaluated() 
         let retrieval = report.numbers.get("retrieval_same_step@1").unwrap().value.estimate;
         assert!((0.0..=1.0).contains(&retrieval), "{system}: {retrieval}");
         assert!(report.numbers.get("open_loop_reward_r2@1").is_none(), "{system} predicts nothing");
+        let has_actor = options(system).agent.has_actor();
+        let metrics = lines(&whole.join("metrics.jsonl"));
+        assert_eq!(metrics.iter().any(|line| line["temperature"].is_f64()), has_actor, "{system}");
         let summary = std::fs::read_to_string(whole.join("summary.md")).unwrap();
         // Nobody sees a video in this task.
         assert!(summary.contains(system) && summary.contains("| control steps | episodes | return |"), "{summary}");
     }
+}
+
+/// A copy that lacks the replay does not say what it has learned from, so that nobody knows whether a grid is new to it.
+#[test]
+fn whether_a_grid_is_new_to_a_run_without_its_replay_is_not_known() {
+    let folder = tempfile::tempdir().unwrap();
+    let grid = synthetic::recording(&folder.path().join("grid"), SIDE, 2, 12, true);
+    let run = folder.path().join("run");
+    assert_eq!(train(&run, options("sac-drq"), u64::MAX), End::Updates);
+    let is_new = || is_new_to(&grid, &TrainedRun::open(&run).unwrap().seen());
+    assert_eq!(is_new(), Some(true));
+    std::fs::remove_dir_all(run.join("replay")).unwrap();
+    assert_eq!(is_new(), None);
 }
 
 /// Eight episodes.
@@ -167,6 +183,10 @@ fn it_says_what_it_is_and_what_it_is_not() {
     assert!(said.contains("160 of 160 control steps"), "{said}");
     let said: Json = serde_json::from_slice(&verb(&["info", "--json"]).stdout).unwrap();
     assert_eq!((&said["info"]["system"], &said["last"]["control_steps"]), (&Json::from("curl"), &Json::from(160)));
+    // How often it is saved may change where a run is gone on with.
+    let again = process::program().arg("online").arg(&run).args(["--save-every", "7"]).output().unwrap();
+    assert!(again.status.success() && text(&again).contains("already"), "{}", text(&again));
+    assert_eq!(Folder::open(&run).unwrap().unwrap().options().save_every, 7);
     let refused = process::program().args(["decode"]).arg(&run).arg(run.join("replay")).output().unwrap();
     assert_eq!(refused.status.code(), Some(1));
     assert!(text(&refused).contains("no world model"), "{}", text(&refused));

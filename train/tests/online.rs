@@ -218,9 +218,15 @@ fn what_cannot_be_is_refused_with_what_would_be_right() {
         refused(&["--task", "reacher-easy", "--short-horizon", "3", "--short-for", "90"])
             .contains("must be above that")
     );
+    let still = refused(&["--task", "reacher-easy", "--control-steps", "6000", "--critic-first", "10000"]);
+    assert!(still.contains("--critic-first is 10000") && still.contains("the actor never moves"), "{still}");
     assert!(refused(&["--task", "reacher-easy", "--guard", "1", "--guard-members", "1"]).contains("two to disagree"));
     assert!(refused(&["--task", "reacher-easy", "--guard-members", "3"]).contains("--guard-members has no effect"));
     assert!(refused(&["--task", "reacher-easy", "--agent", "sac", "--guard", "1"]).contains("--guard has no effect"));
+    for option in ["--views", "--next-views"] {
+        let blind = refused(&["--task", "reacher-easy", "--agent", "sac", option, "0"]);
+        assert!(blind.contains("0 is not in 1.."), "{blind}");
+    }
     let missing = refused(&["--task", "reacher-easy", "--videos", "no-such-folder"]);
     assert!(missing.contains("no-such-folder"), "{missing}");
     // A run that is there keeps its options.
@@ -230,6 +236,13 @@ fn what_cannot_be_is_refused_with_what_would_be_right() {
     assert!(changed.contains("discount = 0.99, asked for was 0.5"), "{changed}");
     let guarded = text(&run(&run_folder, &["--control-steps", "320", "--guard", "1"]));
     assert!(guarded.contains("guard = 0.0, asked for was 1.0"), "{guarded}");
+    // Its config.toml, which does not say that its preset was tiny, begins the same run elsewhere.
+    let other = folder.path().join("other");
+    let mut again = process::program();
+    again.args(["online", "--task", "known-slide", "--prefill", "3", "--control-steps", "320", "--config"]);
+    let again = again.arg(run_folder.join("config.toml")).args(QUICK).arg("-o").arg(&other).output().unwrap();
+    assert!(again.status.success(), "{}", text(&again));
+    assert_same(&run_folder, &other, "from its config.toml");
     // What is refused changes nothing, and a copy that was kept is no run to go on with.
     let kept = folder.path().join("kept");
     let keep = process::program().arg("keep").arg(&run_folder).arg("-o").arg(&kept).output().unwrap();

@@ -105,7 +105,44 @@ fn a_plan_is_listed_done_once_and_refused_when_it_changes() {
     write_plan(folder, 5);
     let refused = said(folder, "sweep plan.toml --index 1", 1);
     assert!(refused.contains("stage 1 --updates is 3, in the plan 5") && !refused.contains("--latent is"), "{refused}");
-    assert!(said(folder, "sweep plan.toml --status", 1).contains("made by another plan"));
+    // Of the four runs two were made by the plan as it was; the table has all of them.
+    let table = said(folder, "sweep plan.toml --status", 0);
+    assert!(table.contains("made by another plan") && table.contains("2 failed, 2 waiting"), "{table}");
+}
+
+#[test]
+fn a_damaged_folder_hides_no_other_from_the_table() {
+    let folder = folder(3);
+    let folder = folder.path();
+    let damaged = folder.join("runs/sweep/latent=6,seed=0");
+    std::fs::create_dir_all(&damaged).unwrap();
+    std::fs::write(damaged.join("sweep.json"), "").unwrap();
+    assert_eq!(states(folder), ["waiting", "waiting", "failed", "waiting"]);
+    let table = said(folder, "sweep plan.toml --status", 0);
+    assert!(table.contains("a sweep.json as `vibes-train sweep` writes it") && table.contains("3 waiting"), "{table}");
+}
+
+/// Options come from a file in a stage as they do where it is typed, also from one that the stage before has written.
+#[test]
+fn a_stage_takes_its_options_from_a_file() {
+    let folder = folder(2);
+    let folder = folder.path();
+    let options = "preset = 'tiny'\nbatch = 2\nlength = 6\ndepth = 4\nhidden = 16\nhead = 16\nupdates = 2\n";
+    std::fs::write(folder.join("tiny.toml"), options).unwrap();
+    let plan = r#"
+output = "runs/sweep"
+seeds = 2
+stages = [
+    "vibes-train offline coins --config tiny.toml --seed {seed} -o {run}/first",
+    "vibes-train offline coins --config={run}/first/config.toml --updates 3 -o {run}/second",
+]
+"#;
+    std::fs::write(folder.join("files.toml"), plan).unwrap();
+    said(folder, "sweep files.toml --index 1", 0);
+    let run = folder.join("runs/sweep/seed=1");
+    assert!(run.join("first/checkpoints/000002").exists() && run.join("second/checkpoints/000003").exists());
+    std::fs::write(folder.join("bad.toml"), plan.replace("--updates", "--updtes")).unwrap();
+    assert!(said(folder, "sweep bad.toml --list", 2).contains("--updtes"));
 }
 
 #[test]
@@ -300,5 +337,5 @@ fn the_script_for_xargs_does_every_run() {
     assert!(status.status.success(), "{}", String::from_utf8_lossy(&status.stderr));
     assert_eq!(states(folder), ["done"; 4]);
     let parallel = String::from_utf8(run(folder, "sweep plan.toml --script parallel").stdout).unwrap();
-    assert!(parallel.contains("parallel --jobs") && parallel.contains("--index {}"), "{parallel}");
+    assert!(parallel.contains("parallel -q --jobs") && parallel.contains("--index {}"), "{parallel}");
 }

@@ -11,11 +11,12 @@ mod statistics;
 mod video;
 
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
 use serde::Serialize;
 use vibes_data::{EpisodeEntry, Recording};
 
-use super::NewFolder;
+use super::{NEVER, NewFolder, go_on};
 use crate::error::{Error, Result};
 
 /// A format that others read.
@@ -76,6 +77,20 @@ pub fn export(
     pictures: Option<Pictures>,
     out: &Path,
 ) -> Result<ExportReport> {
+    export_until(recording, format, pictures, out, &NEVER)
+}
+
+/// The same, until `stop` is raised.
+///
+/// # Errors
+/// As [`export`]; [`Error::Stopped`].
+pub fn export_until(
+    recording: &Recording,
+    format: ExportFormat,
+    pictures: Option<Pictures>,
+    out: &Path,
+    stop: &AtomicBool,
+) -> Result<ExportReport> {
     let known = format.pictures();
     let pictures = pictures.unwrap_or(known[0]);
     if !known.contains(&pictures) {
@@ -83,11 +98,11 @@ pub fn export(
         let known = known.iter().map(|&way| name(way)).collect::<Vec<_>>().join(", ");
         return Err(Error::Selection { fact, expected: format!("it knows {known}") });
     }
-    let folder = NewFolder::begin(out)?;
+    let folder = NewFolder::begin(out, [recording.path()])?;
     let (episodes, rows) = match format {
-        ExportFormat::Minari => minari::write(recording, out, folder.path())?,
-        ExportFormat::Lerobot => lerobot::write(recording, pictures, folder.path())?,
-        ExportFormat::Parquet => parquet::write(recording, pictures, folder.path())?,
+        ExportFormat::Minari => minari::write(recording, out, folder.path(), stop)?,
+        ExportFormat::Lerobot => lerobot::write(recording, pictures, folder.path(), stop)?,
+        ExportFormat::Parquet => parquet::write(recording, pictures, folder.path(), stop)?,
     };
     let bytes = size_of(folder.path())?;
     folder.finish()?;

@@ -9,6 +9,7 @@ mod npz;
 
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
 use serde::Serialize;
 use serde_json::json;
@@ -17,7 +18,7 @@ use vibes_data::{
     Spec,
 };
 
-use super::NewFolder;
+use super::{NEVER, NewFolder, go_on};
 use crate::error::{Error, Result};
 
 pub use dreamer::read_dreamer_file;
@@ -67,10 +68,24 @@ pub fn import(
     options: &ImportOptions,
     out: &Path,
 ) -> Result<(Recording, ImportReport)> {
-    let folder = NewFolder::begin(out)?;
+    import_until(format, source, options, out, &NEVER)
+}
+
+/// The same, until `stop` is raised.
+///
+/// # Errors
+/// As [`import`]; [`Error::Stopped`].
+pub fn import_until(
+    format: ImportFormat,
+    source: &Path,
+    options: &ImportOptions,
+    out: &Path,
+    stop: &AtomicBool,
+) -> Result<(Recording, ImportReport)> {
+    let folder = NewFolder::begin(out, [source])?;
     let report = match format {
-        ImportFormat::Dreamer => dreamer::read(source, options, folder.path())?,
-        ImportFormat::Minari => minari::read(source, options, folder.path())?,
+        ImportFormat::Dreamer => dreamer::read(source, options, folder.path(), stop)?,
+        ImportFormat::Minari => minari::read(source, options, folder.path(), stop)?,
     };
     folder.finish()?;
     Ok((Recording::open(out)?, report))
@@ -120,6 +135,25 @@ fn begin(spec: Spec, format: ImportFormat, name: &str, out: &Path, with_mcap: bo
         episodes: Vec::new(),
     };
     Ok(RecordingWriter::create_or_resume(out, manifest, with_mcap)?)
+}
+
+/// That there is something to be seen: pictures, or a vector observation. Without either there is nothing to learn from.
+fn check_observed(spec: &Spec, ignored: &BTreeSet<String>, dataset: &Path) -> Result<()> {
+    if spec.pixels.is_some() || !spec.observation.is_empty() {
+        return Ok(());
+    }
+    let left_out = ignored.iter().map(String::as_str).collect::<Vec<_>>().join(", ");
+    let left_out = if left_out.is_empty() { left_out } else { format!(" (left out: {left_out})") };
+    let fact = format!("no observation that a recording holds{left_out}");
+    Err(Error::malformed(dataset, fact, "uint8 pictures of three colours, or vectors of numbers"))
+}
+
+/// Pictures `[rows, 3, plane]` as `[rows, plane, 3]`.
+fn channels_last(pictures: &[u8], plane: usize) -> Vec<u8> {
+    let turned = |picture: &[u8]| -> Vec<u8> {
+        (0..plane).flat_map(|pixel| [picture[pixel], picture[plane + pixel], picture[2 * plane + pixel]]).collect()
+    };
+    pictures.chunks_exact(3 * plane).flat_map(turned).collect()
 }
 
 /// Fills in what a dataset without distractors does not have: a camera at rest, no background.

@@ -5,8 +5,11 @@
 //! anew in the order given; they lose their cells, since row 3 of one grid is not row 3 of another. Files that hold another number, cell or video
 //! afterwards are written again, the others linked.
 
+mod kinship;
+
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -15,13 +18,11 @@ use vibes_data::{
     RecordingWriter, Video,
 };
 
-use super::NewFolder;
+use self::kinship::{check_specs, same_recording, whole_of};
+use super::{NEVER, NewFolder, go_on};
 use crate::error::{Error, Result};
 use crate::paths::rebase;
-use crate::plan::SUBSET;
-
-/// The key of the options under which a merged recording says what it was made of.
-const MERGED: &str = "merged";
+use crate::plan::{MERGED, SUBSET, WHOLE};
 
 /// One of the recordings that a merged one was made of: what it takes to simulate and draw its episodes again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -67,69 +68,48 @@ pub fn merged_parts(manifest: &Manifest) -> Option<Vec<MergedPart>> {
 /// # Errors
 /// [`Error::Selection`] for fewer than two or for different specs; damage in a file that has to be read; a folder that is taken.
 pub fn merge(parts: &[Recording], out: &Path, transfer: FileTransfer) -> Result<(Recording, MergeReport)> {
+    merge_until(parts, out, transfer, &NEVER)
+}
+
+/// The same, until `stop` is raised.
+///
+/// # Errors
+/// As [`merge`]; [`Error::Stopped`].
+pub fn merge_until(
+    parts: &[Recording],
+    out: &Path,
+    transfer: FileTransfer,
+    stop: &AtomicBool,
+) -> Result<(Recording, MergeReport)> {
     check_specs(parts)?;
-    let folder = NewFolder::begin(out)?;
+    let folder = NewFolder::begin(out, parts.iter().map(Recording::path))?;
     let report = match same_recording(parts, out) {
-        Some(header) => join(parts, header, folder.path(), transfer)?,
-        None => renumber(parts, (out, folder.path()), transfer)?,
+        Some(header) => join(parts, header, folder.path(), transfer, stop)?,
+        None => renumber(parts, (out, folder.path()), transfer, stop)?,
     };
     folder.finish()?;
     Ok((Recording::open(out)?, report))
 }
 
-fn check_specs(parts: &[Recording]) -> Result<()> {
-    let [first, others @ ..] = parts else {
-        return Err(Error::Selection { fact: "nothing to merge".into(), expected: "two or more recordings".into() });
-    };
-    if others.is_empty() {
-        return Err(Error::Selection { fact: "one recording".into(), expected: "two or more recordings".into() });
-    }
-    for other in others {
-        if let Some(key) = differing_key(&first.manifest().spec, &other.manifest().spec) {
-            let fact = format!("{} and {} have another {key}", first.path().display(), other.path().display());
-            return Err(Error::Selection { fact, expected: "recordings of one spec".into() });
-        }
-    }
-    Ok(())
-}
-
-fn differing_key(one: &vibes_data::Spec, other: &vibes_data::Spec) -> Option<String> {
-    let map = |spec| serde_json::to_value(spec).ok().and_then(|value| value.as_object().cloned()).unwrap_or_default();
-    let (one, other) = (map(one), map(other));
-    one.keys().chain(other.keys()).find(|key| one.get(*key) != other.get(*key)).cloned()
-}
-
-/// The header of the recording that all are parts of, if they are, and no episode is in two parts with different contents.
-fn same_recording(parts: &[Recording], out: &Path) -> Option<Manifest> {
-    let header = |part: &Recording| -> Manifest {
-        let mut options = part.manifest().options.clone();
-        if let Some(map) = options.as_object_mut() {
-            map.remove(SUBSET);
-        }
-        rebase(&mut options, Some(part.path()), Some(out));
-        Manifest { options, episodes: Vec::new(), ..part.manifest().clone() }
-    };
-    let first = header(&parts[0]);
-    if !parts.iter().all(|part| header(part) == first) {
-        return None;
-    }
-    let mut seen: BTreeMap<u32, &str> = BTreeMap::new();
-    let mut entries = parts.iter().flat_map(Recording::episodes);
-    entries.all(|entry| *seen.entry(entry.index).or_insert(&entry.arrow.sha256) == entry.arrow.sha256).then_some(first)
-}
-
-fn join(parts: &[Recording], mut header: Manifest, out: &Path, transfer: FileTransfer) -> Result<MergeReport> {
+fn join(
+    parts: &[Recording],
+    mut header: Manifest,
+    out: &Path,
+    transfer: FileTransfer,
+    stop: &AtomicBool,
+) -> Result<MergeReport> {
     let numbers: std::collections::BTreeSet<u32> =
         parts.iter().flat_map(|part| part.episodes().iter().map(|entry| entry.index)).collect();
-    let whole = header.options.get("episodes").and_then(Value::as_u64) == Some(numbers.len() as u64);
-    if let (false, Some(options)) = (whole, header.options.as_object_mut()) {
+    let whole = parts.iter().filter_map(whole_of).max();
+    if let (false, Some(options)) = (whole == Some(numbers.len() as u64), header.options.as_object_mut()) {
         let names: Vec<String> = parts.iter().map(name_of).collect();
-        options.insert(SUBSET.into(), serde_json::json!({ "verb": "merge", "of": names }));
+        options.insert(SUBSET.into(), serde_json::json!({ "verb": "merge", "of": names, (WHOLE): whole }));
     }
     let writer = RecordingWriter::create_or_resume(out, header, false)?;
     let mut report = MergeReport { kept_numbers: true, ..MergeReport::default() };
     for part in parts {
         for entry in part.episodes() {
+            go_on(stop)?;
             if writer.has(entry.index) {
                 report.repeated += 1;
             } else {
@@ -143,7 +123,12 @@ fn join(parts: &[Recording], mut header: Manifest, out: &Path, transfer: FileTra
 }
 
 /// `place` is where the merged recording will be, `folder` where it is made.
-fn renumber(parts: &[Recording], (place, folder): (&Path, &Path), transfer: FileTransfer) -> Result<MergeReport> {
+fn renumber(
+    parts: &[Recording],
+    (place, folder): (&Path, &Path),
+    transfer: FileTransfer,
+    stop: &AtomicBool,
+) -> Result<MergeReport> {
     let (header, videos) = merged_header(parts, place)?;
     let writer = RecordingWriter::create_or_resume(folder, header, false)?;
     let mut report = MergeReport::default();
@@ -151,6 +136,7 @@ fn renumber(parts: &[Recording], (place, folder): (&Path, &Path), transfer: File
     for (part, videos) in parts.iter().zip(&videos) {
         let same_videos = videos.iter().enumerate().all(|(before, &after)| before as u32 == after);
         for entry in part.episodes() {
+            go_on(stop)?;
             if same_videos && entry.cell.is_none() && entry.index == next {
                 writer.take(part, entry, transfer)?;
                 report.taken += 1;

@@ -4,14 +4,15 @@
 use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
+use std::sync::atomic::AtomicBool;
 
 use serde_json::Value;
 use vibes_data::{EpisodeEntry, FileTransfer, Manifest, Recording, RecordingWriter};
 
-use super::NewFolder;
+use super::{NEVER, NewFolder, go_on};
 use crate::error::{Error, Result};
 use crate::paths::rebase;
-use crate::plan::SUBSET;
+use crate::plan::{SUBSET, WHOLE};
 
 /// Which episodes are kept: those that pass every test that is given.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -61,6 +62,9 @@ impl Filter {
 /// What a recording holds, in one line.
 fn holdings(recording: &Recording) -> String {
     let entries = recording.episodes();
+    if entries.is_empty() {
+        return "the recording has no episodes".into();
+    }
     let returns = entries.iter().map(|entry| entry.episode_return);
     let (low, high) = returns.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), r| (low.min(r), high.max(r)));
     let policies: std::collections::BTreeSet<&str> = entries.iter().map(|entry| entry.policy.as_str()).collect();
@@ -70,10 +74,19 @@ fn holdings(recording: &Recording) -> String {
     format!("the recording has {} episodes of returns {low} to {high}, policies {policies}, {grid}", entries.len())
 }
 
-/// Writes the episodes of these numbers into a new recording, their files linked or copied as they are.
-///
-/// `note` says how they were chosen; the manifest's options keep it under `subset`, so that the command that made the whole recording does not take
-/// the part for an unfinished one.
+/// A part of a recording that is to be written.
+#[derive(Clone, Copy, Debug)]
+pub struct Part<'a> {
+    /// The numbers of its episodes, rising.
+    pub kept: &'a [u32],
+    /// How they were chosen. The manifest's options keep it under `subset`, so that the command that made the whole recording does not take the part for
+    /// an unfinished one.
+    pub note: &'a Value,
+    /// The new recording's folder.
+    pub out: &'a Path,
+}
+
+/// Writes the episodes of these numbers into a new recording, their files linked or copied as they are; see [`Part`].
 ///
 /// # Errors
 /// When the folder is taken, or a file cannot be linked or copied.
@@ -84,26 +97,60 @@ pub fn write_subset(
     out: &Path,
     transfer: FileTransfer,
 ) -> Result<Recording> {
-    let folder = NewFolder::begin(out)?;
-    let mut options = with_note(&recording.manifest().options, note);
-    rebase(&mut options, Some(recording.path()), Some(out));
-    let header = Manifest { options, episodes: Vec::new(), ..recording.manifest().clone() };
-    let writer = RecordingWriter::create_or_resume(folder.path(), header, false)?;
-    for entry in recording.episodes().iter().filter(|entry| kept.binary_search(&entry.index).is_ok()) {
-        writer.take(recording, entry, transfer)?;
-    }
-    writer.finish()?;
-    folder.finish()?;
+    write_subsets(recording, &[Part { kept, note, out }], transfer, &NEVER)?;
     Ok(Recording::open(out)?)
 }
 
-/// The options with a note of what was taken, and from what part if it was one already. A part is not under the protocol that the whole was recorded under.
-fn with_note(options: &Value, note: &Value) -> Value {
+/// Writes several parts, all of them or none, until `stop` is raised.
+///
+/// # Errors
+/// As [`write_subset`]; [`Error::Stopped`].
+pub fn write_subsets(
+    recording: &Recording,
+    parts: &[Part<'_>],
+    transfer: FileTransfer,
+    stop: &AtomicBool,
+) -> Result<()> {
+    // Every place before the first is written: none is left alone because another was taken.
+    let begin = |part: &Part<'_>| NewFolder::begin(part.out, [recording.path()]);
+    let folders = parts.iter().map(begin).collect::<Result<Vec<_>>>()?;
+    for (part, folder) in parts.iter().zip(&folders) {
+        fill(recording, part, folder.path(), transfer, stop)?;
+    }
+    folders.into_iter().try_for_each(NewFolder::finish)
+}
+
+/// Writes a part into the folder where it is made.
+fn fill(
+    recording: &Recording,
+    part: &Part<'_>,
+    folder: &Path,
+    transfer: FileTransfer,
+    stop: &AtomicBool,
+) -> Result<()> {
+    let mut options = with_note(&recording.manifest().options, part.note, recording.episodes().len());
+    rebase(&mut options, Some(recording.path()), Some(part.out));
+    let header = Manifest { options, episodes: Vec::new(), ..recording.manifest().clone() };
+    let writer = RecordingWriter::create_or_resume(folder, header, false)?;
+    for entry in recording.episodes().iter().filter(|entry| part.kept.binary_search(&entry.index).is_ok()) {
+        go_on(stop)?;
+        writer.take(recording, entry, transfer)?;
+    }
+    writer.finish()?;
+    Ok(())
+}
+
+/// The options with a note of what was taken of how many `episodes`, and from what part if it was one already: then the whole is that part's. A part is not under
+/// the protocol that the whole was recorded under.
+fn with_note(options: &Value, note: &Value, episodes: usize) -> Value {
     let mut options = options.as_object().cloned().unwrap_or_default();
     options.remove("protocol");
+    let before = options.remove(SUBSET);
+    let whole = before.as_ref().map_or(Some(episodes as u64), |before| before.get(WHOLE).and_then(Value::as_u64));
     let mut note = note.clone();
-    if let (Some(before), Some(note)) = (options.remove(SUBSET), note.as_object_mut()) {
-        note.insert("of".into(), before);
+    if let Some(note) = note.as_object_mut() {
+        note.extend(whole.map(|whole| (WHOLE.to_owned(), Value::from(whole))));
+        note.extend(before.map(|before| ("of".to_owned(), before)));
     }
     options.insert(SUBSET.into(), note);
     Value::Object(options)
@@ -148,8 +195,11 @@ mod tests {
     #[test]
     fn a_part_is_under_no_protocol() {
         let whole = serde_json::json!({ "task": "reacher-easy", "protocol": "dcs-easy-dynamic-500k" });
-        let part = with_note(&whole, &serde_json::json!({ "min_return": 800 }));
-        assert_eq!(part, serde_json::json!({ "task": "reacher-easy", (SUBSET): { "min_return": 800 } }));
+        let part = with_note(&whole, &serde_json::json!({ "min_return": 800 }), 7);
+        let said = serde_json::json!({ "min_return": 800, "whole": 7 });
+        assert_eq!(part, serde_json::json!({ "task": "reacher-easy", (SUBSET): said }));
+        let less = with_note(&part, &serde_json::json!({ "states": "0" }), 4);
+        assert_eq!(less[SUBSET], serde_json::json!({ "states": "0", "whole": 7, "of": said }), "the whole is the same");
     }
 
     #[test]

@@ -43,6 +43,8 @@ pub(super) fn run(args: &BenchArgs, output: OutputArgs) -> Result<Outcome> {
     let all = || large_example_tasks().into_iter().map(str::to_owned).collect();
     let tasks: Vec<String> = if args.task.is_empty() { all() } else { args.task.clone() };
     let is_table = !output.json && !output.quiet;
+    // Before anything is measured: whether there is somewhere to write.
+    let folder = Scratch::new(&args.folder.clone().unwrap_or_else(std::env::temp_dir))?;
     let mut physics = Vec::new();
     for task in &tasks {
         let rate = physics_rate(task, 2000)?;
@@ -76,7 +78,7 @@ pub(super) fn run(args: &BenchArgs, output: OutputArgs) -> Result<Outcome> {
             }
         }
     }
-    let (writing, limits) = args.writing(&tasks, is_table)?;
+    let (writing, limits) = args.writing(&tasks, &folder, is_table)?;
     let peak = peak_memory();
     if output.json {
         println!(
@@ -93,9 +95,7 @@ pub(super) fn run(args: &BenchArgs, output: OutputArgs) -> Result<Outcome> {
 impl BenchArgs {
     /// Write rates of the first task at every size, and the machine's limits.
     #[allow(clippy::print_stdout, reason = "the command line's result")]
-    fn writing(&self, tasks: &[String], is_table: bool) -> Result<(Vec<WritingRate>, Limits)> {
-        let parent = self.folder.clone().unwrap_or_else(std::env::temp_dir);
-        let folder = Scratch::new(&parent)?;
+    fn writing(&self, tasks: &[String], folder: &Scratch, is_table: bool) -> Result<(Vec<WritingRate>, Limits)> {
         let threads = self.threads();
         let mut rates = Vec::new();
         for (&size, task) in self.size.iter().flat_map(|size| tasks.iter().take(1).map(move |task| (size, task))) {

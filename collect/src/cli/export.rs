@@ -7,8 +7,10 @@ use clap::{Args, ValueEnum};
 use vibes_data::Recording;
 
 use super::{Outcome, OutputArgs, show};
-use crate::care::export::{ExportFormat, Pictures, export};
+use crate::care::export::{ExportFormat, Pictures, export_until};
 
+/// Write a recording as a Minari or LeRobot dataset, or as plain Parquet.
+///
 /// What is lost:
 ///
 /// minari: nothing of a row; the logs. Observations become a Dict of pixels and parts, states and distractors go into infos, and an import
@@ -66,7 +68,7 @@ pub(super) fn run(args: &ExportArgs, output: OutputArgs) -> Result<Outcome> {
         PicturesArg::Png => Pictures::Png,
         PicturesArg::Video => Pictures::Video,
     });
-    let report = export(&recording, format, pictures, &args.output)?;
+    let report = export_until(&recording, format, pictures, &args.output, vibes_command::stop_on_signals()?)?;
     if output.json {
         println!("{}", serde_json::json!({ "output": args.output, "report": report }));
     } else if !output.quiet {

@@ -9,8 +9,10 @@ use vibes_data::Recording;
 
 use super::merge::transfer;
 use super::{Outcome, OutputArgs};
-use crate::care::select::{Filter, Numbers, write_subset};
+use crate::care::select::{Filter, Numbers, Part, write_subsets};
 
+/// Keep some of a recording's episodes, by return, policy, or place in the grid.
+///
 /// An episode is kept if it passes every test that is asked for. It keeps its number, its cell and its files; the grid keeps its size, with the
 /// other cells empty.
 #[derive(Debug, Args)]
@@ -72,8 +74,9 @@ impl FilterArgs {
 pub(super) fn run(args: &FilterArgs, output: OutputArgs) -> Result<Outcome> {
     let recording = Recording::open(&args.path)?;
     let kept = args.filter().select(&recording)?;
-    let part = write_subset(&recording, &kept, &args.note(), &args.output, transfer(args.copy))?;
-    let (kept, of) = (part.episodes().len(), recording.episodes().len());
+    let part = Part { kept: &kept, note: &args.note(), out: &args.output };
+    write_subsets(&recording, &[part], transfer(args.copy), vibes_command::stop_on_signals()?)?;
+    let (kept, of) = (kept.len(), recording.episodes().len());
     if output.json {
         println!("{}", json!({ "recording": args.output, "episodes": kept, "of": of }));
     } else if !output.quiet {

@@ -7,8 +7,10 @@ use clap::{Args, ValueEnum};
 use vibes_data::MOST_ACTION_REPEAT;
 
 use super::{Outcome, OutputArgs};
-use crate::care::import::{ImportFormat, ImportOptions, import};
+use crate::care::import::{ImportFormat, ImportOptions, import_until};
 
+/// Make a recording of a Dreamer or Minari dataset.
+///
 /// What is lost or filled in:
 ///
 /// dreamer: the action and reward before the first observation (zeros there); arrays that are neither image, action, reward, discount, flags nor float
@@ -61,7 +63,8 @@ pub(super) fn run(args: &ImportArgs, output: OutputArgs) -> Result<Outcome> {
         action_repeat: args.action_repeat,
         with_mcap: !args.no_mcap,
     };
-    let (_, report) = import(format, &args.path, &options, &args.output)?;
+    let stop = vibes_command::stop_on_signals()?;
+    let (_, report) = import_until(format, &args.path, &options, &args.output, stop)?;
     if output.json {
         println!("{}", serde_json::json!({ "recording": args.output, "report": report }));
     } else if !output.quiet {

@@ -5,10 +5,17 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
+use serde_json::Value;
 use vibes_data::{EpisodeEntry, Manifest, Recording, Video};
 
 use super::{Outcome, OutputArgs, idle, show};
+use crate::care::merge::{MergedPart, merged_parts};
+use crate::returns::Returns;
 use crate::stored::missing;
+use vibes_env::names::by_number;
+
+/// Of a longer list this many are named.
+const NAMED: usize = 8;
 
 #[derive(Debug, Args)]
 pub(super) struct InfoArgs {
@@ -69,16 +76,22 @@ fn describe(recording: &Recording) -> String {
             format!("{} state trajectories x {} distractor trajectories", grid.states, grid.distractors),
         ));
     }
-    lines.push(("returns", returns(episodes)));
+    lines.push(("returns", returns(recording)));
     let policies = by_policy(episodes);
     lines.extend(policies.iter().map(|line| ("", line.clone())));
     lines.push(("action", format!("{} numbers in {:?} to {:?}", spec.action_len(), spec.action.min, spec.action.max)));
     lines.push(("observation", parts.collect::<Vec<_>>().join(", ")));
     lines.push(("state", format!("qpos {}, qvel {}", spec.qpos, spec.qvel)));
     lines.push(("pixels", spec.pixels.map_or("none".into(), |size| format!("{} x {} RGB", size.height, size.width))));
-    lines.push(("distractors", options.get("distractors").map_or("unknown".into(), ToString::to_string)));
+    let parts = merged_parts(recording.manifest());
+    if parts.is_none() {
+        lines.push(("distractors", distractors(options)));
+    }
     lines.push(("videos", name_videos(videos)));
-    lines.push(("seed", seed.to_string()));
+    match parts {
+        None => lines.push(("seed", seed.to_string())),
+        Some(parts) => lines.extend(name_parts(&parts).into_iter().map(|line| ("part", line))),
+    }
     lines.push((
         "versions",
         versions.iter().map(|(name, version)| format!("{name} {version}")).collect::<Vec<_>>().join(", "),
@@ -86,26 +99,49 @@ fn describe(recording: &Recording) -> String {
     lines.iter().map(|(key, value)| format!("{key:12} {value}\n")).collect()
 }
 
-fn returns(episodes: &[EpisodeEntry]) -> String {
-    let values = episodes.iter().map(|entry| entry.episode_return);
-    let (low, high) =
-        values.clone().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
-    match episodes.len() {
-        0 => "none yet".into(),
-        count => format!("mean {:.1}, lowest {low:.1}, highest {high:.1}", values.sum::<f64>() / count as f64),
-    }
+/// Over state trajectories, as every recording says it at its end.
+fn returns(recording: &Recording) -> String {
+    let Some(Returns { mean_return, returns, .. }) = Returns::of(recording) else { return "none yet".into() };
+    let (low, high) = returns
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)));
+    format!("mean {mean_return:.1}, lowest {low:.1}, highest {high:.1}, of {} state trajectories", returns.len())
 }
 
+/// The policies in the order in which people count, of many the first few.
 fn by_policy(episodes: &[EpisodeEntry]) -> Vec<String> {
-    let mut policies: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    let mut policies: BTreeMap<&str, Vec<&EpisodeEntry>> = BTreeMap::new();
     for entry in episodes {
-        policies.entry(&entry.policy).or_default().push(entry.episode_return);
+        policies.entry(&entry.policy).or_default().push(entry);
     }
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-    policies
-        .iter()
-        .map(|(policy, values)| format!("{policy}: {} episodes, mean return {:.1}", values.len(), mean(values)))
-        .collect()
+    let mut policies: Vec<_> = policies.into_iter().collect();
+    policies.sort_by(|(one, _), (other, _)| by_number(one, other));
+    let line = |(policy, entries): &(&str, Vec<&EpisodeEntry>)| {
+        let mean = Returns::of_episodes(entries.iter().copied()).map_or(f64::NAN, |returns| returns.mean_return);
+        format!("{policy}: {} episodes, mean return {mean:.1}", entries.len())
+    };
+    first_few(policies.iter().map(line), "policies")
+}
+
+/// What kinds of distractors there are, in the words of the options.
+fn distractors(options: &Value) -> String {
+    options.get("distractors").map_or("unknown".into(), ToString::to_string)
+}
+
+/// What a recording was merged of, each part with the seed and the distractors that were its own.
+fn name_parts(parts: &[MergedPart]) -> Vec<String> {
+    let line = |part: &MergedPart| {
+        let MergedPart { name, episodes, seed, options, .. } = part;
+        format!("{name}: {episodes} episodes, seed {seed}, distractors {}", distractors(options))
+    };
+    first_few(parts.iter().map(line), "parts")
+}
+
+/// The first few of a list, and how many there are.
+fn first_few(list: impl ExactSizeIterator<Item = String>, what: &str) -> Vec<String> {
+    let count = list.len();
+    let more = (count > NAMED).then(|| format!("… {count} {what} in all"));
+    list.take(NAMED).chain(more).collect()
 }
 
 fn list(episodes: &[EpisodeEntry]) -> String {
@@ -127,15 +163,32 @@ fn list(episodes: &[EpisodeEntry]) -> String {
 
 /// The videos by name, of many the first few.
 fn name_videos(videos: &[Video]) -> String {
-    const NAMED: usize = 8;
-    let mut names: Vec<String> =
-        videos.iter().take(NAMED).map(|video| format!("{} ({} frames)", video.name, video.frames)).collect();
-    match videos.len() {
-        0 => "none".into(),
-        count if count > NAMED => {
-            names.push(format!("… {count} in all"));
-            names.join(", ")
-        }
-        _ => names.join(", "),
+    let named = videos.iter().map(|video| format!("{} ({} frames)", video.name, video.frames));
+    if videos.is_empty() { "none".into() } else { first_few(named, "videos").join(", ") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn policies_are_counted_and_of_many_the_first_few_are_named() {
+        let entry = |update: u32| EpisodeEntry {
+            index: update,
+            cell: None,
+            steps: 1,
+            episode_return: f64::from(update),
+            policy: format!("run, update {update}"),
+            seed: 0,
+            model_overrides: Value::Null,
+            arrow: vibes_data::FileEntry::default(),
+            mcap: None,
+        };
+        let entries: Vec<EpisodeEntry> = (1..=12).map(entry).collect();
+        let lines = by_policy(&entries);
+        assert_eq!(lines.len(), NAMED + 1);
+        assert_eq!(lines[1], "run, update 2: 1 episodes, mean return 2.0");
+        assert_eq!(lines[NAMED], "… 12 policies in all");
+        assert_eq!(by_policy(&entries[..NAMED]).len(), NAMED);
     }
 }

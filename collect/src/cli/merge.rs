@@ -7,8 +7,10 @@ use clap::Args;
 use vibes_data::{FileTransfer, Recording};
 
 use super::{Outcome, OutputArgs};
-use crate::care::merge::merge;
+use crate::care::merge::merge_until;
 
+/// Join recordings of one spec into a new one.
+///
 /// Parts of one recording (of a split or a filter, or of the same command on two machines) come together as they were, grid and numbers
 /// included. Recordings of different commands become plain episodes, numbered from 0 in the order given: they lose their cells, since
 /// row 3 of one grid is not row 3 of another, and files that hold the old number, cell or video are written again.
@@ -33,7 +35,8 @@ pub(super) fn transfer(copy: bool) -> FileTransfer {
 #[allow(clippy::print_stdout, reason = "the command line says what it did")]
 pub(super) fn run(args: &MergeArgs, output: OutputArgs) -> Result<Outcome> {
     let parts = args.paths.iter().map(|path| Recording::open(path)).collect::<vibes_data::Result<Vec<_>>>()?;
-    let (merged, report) = merge(&parts, &args.output, transfer(args.copy))?;
+    let stop = vibes_command::stop_on_signals()?;
+    let (merged, report) = merge_until(&parts, &args.output, transfer(args.copy), stop)?;
     if output.json {
         println!(
             "{}",

@@ -22,7 +22,7 @@ pub(super) struct PreviewArgs {
     /// Distractors keep what they are at the start of the episode.
     #[arg(long = "static")]
     r#static: bool,
-    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS [default: the built-in procedural videos].
+    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS; of a set as many as the difficulty uses, or all where there are fewer [default: the built-in procedural videos].
     #[arg(long, value_name = "DIR")]
     videos: Option<PathBuf>,
     /// Which videos: train, or val for held-out ones.
@@ -50,19 +50,20 @@ pub(super) fn run(args: &PreviewArgs, output: OutputArgs) -> Result<Outcome> {
     let pictures = RenderSettings { size: usize::from(args.size), look: args.render };
     let source = args.videos.clone().map_or(VideoSource::Procedural, VideoSource::Folder);
     for task in &tasks {
-        // Before there is a folder.
+        // Before there is a folder, which comes with the first sheet.
         vibes_env::Environment::new(task, vibes_env::EnvironmentOptions::default())?;
     }
-    std::fs::create_dir_all(&args.output).with_context(|| format!("cannot make {}", args.output.display()))?;
+    let list = |difficulty| names(&source, args.video_set, difficulty).map(|names| (difficulty, names));
+    let listed = difficulties.into_iter().map(list).collect::<Result<Vec<_>>>()?;
     let mut sheets = Vec::new();
-    for difficulty in difficulties {
-        let names = source.list(args.video_set, difficulty.videos())?;
+    for (difficulty, names) in listed {
         let videos = VideoLibrary::open(&source, args.video_set, &names, args.render.sky_side(pictures.size))?;
         let distractors = DistractorSettings { difficulty, dynamic: !args.r#static, ..DistractorSettings::default() };
         for task in &tasks {
             let path = args.output.join(format!("preview-{task}-{difficulty}.png"));
-            ContactSheet::draw(task, &PreviewOptions { distractors, pictures, seed: args.seed }, &videos)?
-                .write(&path)?;
+            let sheet = ContactSheet::draw(task, &PreviewOptions { distractors, pictures, seed: args.seed }, &videos)?;
+            std::fs::create_dir_all(&args.output).with_context(|| format!("cannot make {}", args.output.display()))?;
+            sheet.write(&path)?;
             if !output.quiet && !output.json {
                 println!("{}", path.display());
             }
@@ -73,4 +74,11 @@ pub(super) fn run(args: &PreviewArgs, output: OutputArgs) -> Result<Outcome> {
         println!("{}", serde_json::json!({ "sheets": sheets }));
     }
     Ok(Outcome::Done)
+}
+
+/// The first videos of a set, as many as the difficulty uses; all of a folder that holds fewer, since a sheet shows what there is.
+fn names(source: &VideoSource, set: VideoSet, difficulty: Difficulty) -> Result<Vec<String>> {
+    let mut names = source.list(set, None)?;
+    names.truncate(difficulty.videos().unwrap_or(names.len()));
+    Ok(names)
 }

@@ -11,7 +11,7 @@ use super::replay_distractors::{self, Pictures};
 use super::{Outcome, OutputArgs, idle};
 use crate::distractor_trace::FORMAT as DISTRACTOR_FORMAT;
 use crate::frames::draw_frames;
-use crate::replay::{EpisodeErrors, environment_of_spec, replay_episode};
+use crate::replay::{EpisodeErrors, environment_of, replay_episode};
 use crate::{Error, Trace};
 use vibes_env::render::{Look, MAX_SIZE, RenderSettings};
 use vibes_env::{Environment, EnvironmentOptions};
@@ -92,7 +92,7 @@ fn replay_recording(args: &ReplayArgs, output: OutputArgs) -> Result<Outcome> {
     args.refuse_pictures()?;
     let recording = Recording::open(&args.trace)?;
     let again = replay_episode(&recording, args.episode)?;
-    let mut environment = environment_of_spec(&recording.manifest().spec)?;
+    let mut environment = environment_of(&recording, args.episode)?;
     args.write(&mut environment, &again.trace, &again.positions)?;
     let EpisodeErrors { qpos, qvel, observations, rewards } = again.errors;
     let named = [("observations", observations), ("rewards", rewards), ("qpos", qpos), ("qvel", qvel)];

@@ -5,14 +5,16 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use serde_json::json;
-use vibes_data::Recording;
+use vibes_data::{Recording, whole};
 
 use super::merge::transfer;
 use super::{Outcome, OutputArgs};
 use crate::Error;
-use crate::care::select::write_subset;
+use crate::care::select::{Part, write_subsets};
 use crate::care::split::{SplitBy, split};
 
+/// Divide a recording into parts, such that no part has seen the held-out trajectories of another.
+///
 /// The parts keep the episodes' numbers, cells and files; `merge` puts them together again. By row or column of the grid, no part
 /// sees a state or distractor trajectory of another.
 #[derive(Debug, Args)]
@@ -70,19 +72,26 @@ impl SplitArgs {
             _ => (1..=count).map(|number| number.to_string()).collect(),
         });
         let distinct: std::collections::BTreeSet<&String> = names.iter().collect();
-        if names.len() != count || distinct.len() != count || names.iter().any(|name| name.contains(['/', '\\'])) {
-            let fact = format!("{count} parts and the names {}", names.join(", "));
-            return Err(
-                Error::Selection { fact, expected: "a different name for each part, without slashes".into() }.into()
-            );
+        let is_name = |name: &String| !name.is_empty() && !name.contains(['/', '\\']);
+        if names.len() != count || distinct.len() != count || !names.iter().all(is_name) {
+            let fact = format!("{count} parts and the names {names:?}");
+            let expected = "a different name for each part, without slashes and not empty".into();
+            return Err(Error::Selection { fact, expected }.into());
         }
         Ok(names)
     }
 
     fn folder(&self, name: &str) -> PathBuf {
         let prefix: &Path = self.output.as_deref().unwrap_or(&self.path);
-        let stem = prefix.file_name().map_or_else(|| "recording".into(), std::ffi::OsStr::to_string_lossy);
-        prefix.with_file_name(format!("{stem}-{name}"))
+        // `.` and `..` have no name of their own, and beside them is elsewhere.
+        let named = if prefix.file_name().is_some() { prefix.to_owned() } else { whole(prefix) };
+        let stem = named.file_name().map_or_else(|| "recording".into(), std::ffi::OsStr::to_string_lossy);
+        named.with_file_name(format!("{stem}-{name}"))
+    }
+
+    /// How the episodes of a part were chosen, for the manifest.
+    fn note(&self, by: SplitBy, part: usize) -> serde_json::Value {
+        json!({ "verb": "split", "by": by, "parts": self.parts, "seed": self.seed, "part": part })
     }
 }
 
@@ -91,15 +100,16 @@ pub(super) fn run(args: &SplitArgs, output: OutputArgs) -> Result<Outcome> {
     let recording = Recording::open(&args.path)?;
     let (by, names) = (args.by(&recording), args.names()?);
     let parts = split(&recording, by, &args.parts, args.seed)?;
-    let mut made = Vec::new();
-    for (number, (name, kept)) in names.iter().zip(&parts).enumerate() {
-        let note = json!({ "verb": "split", "by": by, "parts": args.parts, "seed": args.seed, "part": number });
-        let part = write_subset(&recording, kept, &note, &args.folder(name), transfer(args.copy))?;
-        made.push(json!({ "recording": part.path(), "episodes": kept.len() }));
-        if !output.json && !output.quiet {
-            println!("{}: {} episodes", part.path().display(), kept.len());
-        }
+    let notes: Vec<_> = (0..parts.len()).map(|part| args.note(by, part)).collect();
+    let folders: Vec<PathBuf> = names.iter().map(|name| args.folder(name)).collect();
+    let planned = parts.iter().zip(&notes).zip(&folders).map(|((kept, note), out)| Part { kept, note, out });
+    let planned: Vec<Part<'_>> = planned.collect();
+    write_subsets(&recording, &planned, transfer(args.copy), vibes_command::stop_on_signals()?)?;
+    if !output.json && !output.quiet {
+        planned.iter().for_each(|part| println!("{}: {} episodes", part.out.display(), part.kept.len()));
     }
+    let made = planned.iter().map(|part| json!({ "recording": part.out, "episodes": part.kept.len() }));
+    let made: Vec<_> = made.collect();
     let left: usize = recording.episodes().len() - parts.iter().map(Vec::len).sum::<usize>();
     if output.json {
         println!("{}", json!({ "parts": made, "left_out": left }));

@@ -7,6 +7,7 @@ use clap::Args;
 use vibes_data::Recording;
 
 use super::{Outcome, OutputArgs};
+use crate::stored::asked;
 use crate::verify::verify;
 
 #[derive(Debug, Args)]
@@ -28,9 +29,10 @@ pub(super) fn run(args: &VerifyArgs, output: OutputArgs) -> Result<Outcome> {
         let findings: Vec<_> = findings.collect();
         println!(
             "{}",
-            serde_json::json!({ "episodes": recording.episodes().len(), "findings": findings,
-                "simulated": verdict.simulated, "largest_qpos_error": verdict.qpos_error(),
-                "pictures": verdict.pictures, "largest_picture_error": verdict.picture_error() })
+            serde_json::json!({ "episodes": recording.episodes().len(), "episodes_asked": asked(&recording), "findings": findings,
+                "simulated": verdict.simulated, "largest_qpos_error": verdict.qpos_error(), "foreign": verdict.foreign,
+                "pictures": verdict.pictures, "largest_picture_error": verdict.picture_error(),
+                "undrawn": verdict.undrawn, "absent_videos": verdict.absent_videos })
         );
     } else {
         for finding in &verdict.findings {

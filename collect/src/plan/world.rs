@@ -1,11 +1,11 @@
 //! What a plan asks of the world: its environment, its background videos, and the header of the recording that follows from both.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use vibes_data::{Manifest, Video};
 use vibes_env::render::RenderSettings;
-use vibes_env::videos::{MOST_VIDEOS, VideoLibrary};
+use vibes_env::videos::{MOST_VIDEOS, VideoLibrary, VideoSource};
 use vibes_env::{Environment, EnvironmentOptions, Heading};
 
 use super::RecordOptions;
@@ -51,6 +51,26 @@ impl RecordOptions {
         if !self.distractors.axes.background {
             return Ok(Arc::new(VideoLibrary::none()));
         }
+        Self::check_names(place, names)?;
+        self.open_videos(names, pictures)
+    }
+
+    /// The folder of the background videos of these names, where it or one of them is not there: they need not have travelled along with the recording at `place`.
+    ///
+    /// # Errors
+    /// Names that no folder has.
+    pub fn absent_videos(&self, place: &Path, names: &[String]) -> Result<Option<PathBuf>> {
+        let VideoSource::Folder(folder) = &self.videos else { return Ok(None) };
+        if !self.distractors.axes.background {
+            return Ok(None);
+        }
+        Self::check_names(place, names)?;
+        let are_there = folder.is_dir() && names.iter().all(|name| folder.join(name).is_dir());
+        Ok((!are_there).then(|| folder.clone()))
+    }
+
+    /// That these are names of videos, and not too many: a damaged manifest may name anything.
+    fn check_names(place: &Path, names: &[String]) -> Result<()> {
         let wanted = names.len();
         if wanted > usize::from(MOST_VIDEOS) {
             return Err(vibes_env::Error::TooManyVideos { wanted, most: MOST_VIDEOS }.into());
@@ -59,7 +79,7 @@ impl RecordOptions {
             let fact = format!("a background video is named {name:?}");
             return Err(Error::malformed(place, fact, "right is the name of a video"));
         }
-        self.open_videos(names, pictures)
+        Ok(())
     }
 
     fn open_videos(&self, names: &[String], pictures: RenderSettings) -> Result<Arc<VideoLibrary>> {

@@ -6,6 +6,7 @@ use anyhow::Result;
 use clap::Args;
 use vibes_command::{Given, options_of};
 use vibes_data::Recording;
+use vibes_train::TrainError;
 use vibes_train::bench::{Sizes, bench, bench_agent, bench_online};
 use vibes_train::learners::model_free::AgentOptions;
 use vibes_train::learners::sac::options::Size;
@@ -65,6 +66,19 @@ impl BenchArgs {
         let beside = if self.system.is_some() { "with --system" } else { "with --online" };
         refuse(&self.given, model.iter().map(String::as_str).chain(of_task.iter().copied()), beside)
     }
+
+    /// The model's options, none of which says what a run is trained on, for how long and how it is saved; what a preset has of these, as a run's config.toml does, may stand.
+    fn model(&self) -> Result<Options> {
+        let options = if self.recipe { self.options.resolve() } else { self.options.resolve_plain() }?;
+        let of_runs = ["observations", "updates", "minutes", "checkpoint_every", "log_every", "keep"];
+        match options.first_changed(&Options::preset(self.options.preset())?, &of_runs) {
+            None => Ok(options),
+            Some(key) => {
+                let text = format!("--{} has no effect where updates are timed; leave it out", key.replace('_', "-"));
+                Err(TrainError::Options(text).into())
+            }
+        }
+    }
 }
 
 /// An agent without a world model.
@@ -93,7 +107,7 @@ pub(crate) fn of_agent(context: &Context, args: &BenchArgs, system: &str) -> Res
 
 pub(crate) fn run(context: &Context, args: &BenchArgs) -> Result<()> {
     args.check_given()?;
-    let options = if args.recipe { args.options.resolve() } else { args.options.resolve_plain() }?;
+    let options = args.model()?;
     if let Some(task) = &args.online {
         return online(context, args, &options, task);
     }

@@ -26,11 +26,11 @@ pub(crate) struct DecodeArgs {
     #[arg(long, value_name = "RECORDING")]
     show: Option<PathBuf>,
     /// Updates of the decoder.
-    #[arg(long, value_name = "N", default_value_t = DecodeOptions::default().updates)]
+    #[arg(long, value_name = "N", default_value_t = DecodeOptions::default().updates, value_parser = clap::value_parser!(u64).range(1..))]
     updates: u64,
     /// Strips to draw.
-    #[arg(long, value_name = "N", default_value_t = DecodeOptions::default().strips)]
-    strips: usize,
+    #[arg(long, value_name = "N", default_value_t = DecodeOptions::default().strips as u16, value_parser = clap::value_parser!(u16).range(1..))]
+    strips: u16,
     /// Steps of the prediction that sees nothing but the recorded actions.
     #[arg(long, value_name = "STEPS", default_value_t = DecodeOptions::default().horizon)]
     horizon: usize,
@@ -56,7 +56,7 @@ pub(crate) fn run(context: &Context, args: &DecodeArgs) -> Result<()> {
     let model = Model::load(&checkpoint, &device)?;
     let options = DecodeOptions {
         updates: args.updates,
-        strips: args.strips,
+        strips: usize::from(args.strips),
         horizon: args.horizon,
         seed: args.seed,
         ..DecodeOptions::default()
@@ -83,7 +83,7 @@ pub(crate) fn run(context: &Context, args: &DecodeArgs) -> Result<()> {
             100.0 * explained
         );
         println!("written: {}, {}", output.display(), weights.display());
-        println!("draw it with: vibes-analyze decode {}", args.run.display());
+        println!("draw it with: vibes-analyze decode {}", args.output.as_ref().unwrap_or(&args.run).display());
     }
     Ok(())
 }

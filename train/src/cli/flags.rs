@@ -71,7 +71,7 @@ struct OptionFlags {
     /// Step size of the adversary.
     #[arg(long)]
     adversary_lr: Option<f64>,
-    /// Adam's ε.
+    /// Adam's ε, above 0.
     #[arg(long)]
     adam_epsilon: Option<f64>,
     /// Largest norm of a gradient.

@@ -52,11 +52,11 @@ pub(crate) struct ModelFreeArgs {
     #[arg(long)]
     augment: Option<Augment>,
     /// Views of the next stack that targets are averaged over (K).
-    #[arg(long, value_name = "K")]
-    next_views: Option<usize>,
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u16).range(1..))]
+    next_views: Option<u16>,
     /// Views of the stack that the critics' loss is added up over (M).
-    #[arg(long, value_name = "M")]
-    views: Option<usize>,
+    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u16).range(1..))]
+    views: Option<u16>,
     /// What stands beside the critics' loss: none, curl, deepmdp, dbc, mico, simsr or sar.
     #[arg(long)]
     auxiliary: Option<Auxiliary>,
@@ -122,6 +122,11 @@ impl ModelFreeArgs {
         })
     }
 
+    /// Episodes between checkpoints, if it was said: where a run is gone on with it may differ from before.
+    pub(crate) fn save_every(&self) -> Option<u32> {
+        self.save_every
+    }
+
     fn system(&self) -> String {
         let default = if self.agent == AgentKind::QtOpt { "qt-opt-drq" } else { "sac-drq" };
         self.system.clone().unwrap_or_else(|| default.to_owned())
@@ -146,8 +151,8 @@ impl ModelFreeArgs {
                 let auxiliary = self.auxiliary.unwrap_or(system.auxiliary);
                 AgentOptions::Stacks(SacOptions {
                     augment: self.augment.unwrap_or(system.augment),
-                    next_views: self.next_views.unwrap_or(system.next_views),
-                    views: self.views.unwrap_or(system.views),
+                    next_views: self.next_views.map_or(system.next_views, usize::from),
+                    views: self.views.map_or(system.views, usize::from),
                     batch: self.transitions.unwrap_or(system.batch),
                     ..system.with(auxiliary, self.size())
                 })

@@ -61,7 +61,7 @@ pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
     let output = args.output.unwrap_or_else(|| default_run(&args.recordings[0], options.objective.name()));
     let held_out = args.eval.as_ref().map(|path| Recording::open(path)).transpose()?;
     if let Some(grid) = &held_out {
-        check_held_out(grid, &recordings, &options)?;
+        check_held_out(grid, &recordings, &options, args.gap_updates)?;
     }
     let held_out = held_out.map(|grid| HeldOut { grid, every: args.eval_every, gap_updates: args.gap_updates });
     let device = args.device.open()?;
@@ -93,7 +93,8 @@ fn report(context: &Context, run: &Run, options: &Options, end: End) -> Result<(
     if context.json {
         println!(
             "{}",
-            serde_json::json!({ "run": run.path(), "updates": made, "checkpoint": run.newest_model()?, "end": format!("{end:?}").to_lowercase() })
+            // None where no update was asked for.
+            serde_json::json!({ "run": run.path(), "updates": made, "checkpoint": run.newest_model().ok(), "end": format!("{end:?}").to_lowercase() })
         );
     } else if !context.quiet {
         match end {

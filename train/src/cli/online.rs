@@ -98,8 +98,9 @@ impl OnlineArgs {
             self.check_given(true, &options.online)?;
             self.check_beginning(Beginning::Again(found.path()))?;
             let settled = options_of::<ModelFreeArgs>();
-            let settled = settled.iter().map(String::as_str).chain(["seed"]);
+            let settled = settled.iter().map(String::as_str).filter(|option| *option != "save_every").chain(["seed"]);
             self.refuse(settled, "on a run that is there")?;
+            options.save_every = self.model_free.save_every().unwrap_or(options.save_every);
             return Ok(Some(Folder::create_or_open(found.path(), options)?));
         }
         let model_free = self.model_free.named(self.system())?;

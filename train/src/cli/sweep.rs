@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context as _, Result, anyhow, bail};
+use clap::error::ErrorKind;
 use clap::{Args, Parser, ValueEnum};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
@@ -108,12 +109,25 @@ fn check(elements: &[Element]) -> Result<()> {
             let first = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
             TrainError::Options(format!("{first}; in the stage: {}", line(words)))
         };
-        let cli = Cli::try_parse_from(words).map_err(fault)?;
+        let (typed, has_file) = typed(words);
+        let cli = match Cli::try_parse_from(typed) {
+            // The file may say it, and may be one that an earlier stage has yet to write.
+            Err(error) if has_file && error.kind() == ErrorKind::MissingRequiredArgument => continue,
+            read => read.map_err(fault)?,
+        };
         if matches!(cli.command, super::Command::Sweep(_)) {
             bail!(TrainError::Options(format!("a sweep inside a sweep; in the stage: {}", line(words))));
         }
     }
     Ok(())
+}
+
+/// The words of a command line without `--config FILE`, and whether that was there.
+fn typed(words: &[String]) -> (Vec<&String>, bool) {
+    let is_file = |word: &String| word == "--config" || word.starts_with("--config=");
+    let Some(place) = words.iter().position(is_file) else { return (words.iter().collect(), false) };
+    let after = if words[place] == "--config" { place + 2 } else { place + 1 };
+    (words[..place].iter().chain(words.iter().skip(after)).collect(), true)
 }
 
 fn list(context: &Context, elements: &[Element]) -> Ending {
@@ -135,7 +149,7 @@ fn list(context: &Context, elements: &[Element]) -> Ending {
 }
 
 fn status(context: &Context, elements: &[Element]) -> Result<Ending> {
-    let all = elements.iter().map(sweep::status).collect::<Result<Vec<Status>, _>>()?;
+    let all: Vec<Status> = elements.iter().map(sweep::status).collect();
     if context.json {
         println!("{}", serde_json::to_string(&all)?);
         return Ok(Ending::Done);
@@ -272,10 +286,11 @@ fn ended(failed: &[usize], runs: usize) -> Result<Ending> {
     )
 }
 
-/// Carries out one command line: this program's own verbs in this process, another program as a child.
+/// Carries out one command line: this program's own verbs in this process, another program as a child, and this one too where its options are to be read from a file, which is done
+/// where a process begins.
 fn carry_out(context: &Context, words: &[String], verb: Verb, stop: &AtomicBool) -> Result<StageEnd> {
     say(context, &line(words));
-    let ending = if words[0] == "vibes-train" {
+    let ending = if words[0] == "vibes-train" && !typed(words).1 {
         let mut cli = Cli::try_parse_from(words)?;
         cli.output.quiet |= context.quiet;
         match verb(cli) {

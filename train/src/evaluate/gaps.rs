@@ -29,7 +29,7 @@ use vibes_model::parameters::to_values;
 use super::rows::trajectories;
 use crate::batch::Batch;
 use crate::encode::check_fit;
-use crate::error::Result;
+use crate::error::{Result, TrainError};
 use crate::learners::optimizer::{NamedGradients, Optimizer};
 use crate::options::Options;
 use crate::windows::Windows;
@@ -133,20 +133,34 @@ struct Correctors {
 /// That the gaps' critic can be fitted on these recordings, in windows of `length` rows, and judged on the held-out one: to be known before anything is computed.
 ///
 /// # Errors
-/// A recording does not fit the model, or one that is fitted on has no episode as long as a window.
+/// A recording does not fit the model, or has no episode as long as a window.
 pub fn check_gaps(model: &Model, training: &[Recording], held_out: &Recording, length: usize) -> Result<()> {
-    check_fit(model.into(), held_out)?;
-    for recording in training {
+    for recording in std::iter::once(held_out).chain(training) {
         check_fit(model.into(), recording)?;
-        WindowSampler::check_length(recording, length)?;
+        check_windows(recording, length)?;
     }
     Ok(())
+}
+
+/// That a recording has windows of `length` rows, without which there are no gaps; everything else can be measured all the same.
+///
+/// # Errors
+/// No episode is as long.
+pub fn check_windows(recording: &Recording, length: usize) -> Result<()> {
+    WindowSampler::check_length(recording, length).map_err(|error| match error {
+        vibes_data::Error::WindowTooLong { length, longest, path } => TrainError::OtherRecording {
+            found: format!("no episode of more than {longest} steps"),
+            wanted: format!("one of {length} for the gaps to a bisimulation, which --gap-updates 0 leaves out"),
+            path,
+        },
+        other => other.into(),
+    })
 }
 
 /// Fits a critic and refits the heads, and measures both gaps.
 ///
 /// # Errors
-/// A recording does not fit the model, or one that is fitted on has no episode as long as a window.
+/// A recording does not fit the model, or has no episode as long as a window.
 pub fn gaps(
     model: &Model,
     training: &[Recording],

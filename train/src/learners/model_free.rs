@@ -7,9 +7,11 @@ use burn::tensor::Device;
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 use vibes_data::{Spec, WindowBatch};
+use vibes_model::cnn::CnnConfig;
 use vibes_model::recurrent::networks::FILE as RECURRENT;
 use vibes_model::recurrent::{RecurrentAgent, RecurrentNetworks};
-use vibes_model::sac::{SacAgent, SacNetworks};
+use vibes_model::sac::features::Convolutions;
+use vibes_model::sac::{SacAgent, SacConfig, SacNetworks};
 use vibes_model::trained::ModelFreeAgent;
 
 use super::recurrent::options::{RecurrentOptions, SYSTEMS as RECURRENT_SYSTEMS};
@@ -77,6 +79,24 @@ impl AgentOptions {
         }
     }
 
+    /// That the networks can look at a task's pictures: to be known before anything is begun.
+    ///
+    /// # Errors
+    /// The task is seen through vectors, or its pictures are too small.
+    pub fn check_pictures(&self, spec: &Spec) -> Result<()> {
+        let picture = picture(spec)?;
+        match self {
+            Self::Stacks(options) => {
+                Convolutions::width(&of_stacks(options, spec, picture))?;
+            }
+            Self::Recurrent(options) => {
+                let [height, width] = options.augment.size(picture);
+                CnnConfig { height, width, depth: options.depth, output: options.memory }.maps()?;
+            }
+        }
+        Ok(())
+    }
+
     /// New networks for a task's pictures and actions.
     ///
     /// # Errors
@@ -85,9 +105,7 @@ impl AgentOptions {
         let picture = picture(spec)?;
         Ok(match self {
             Self::Stacks(options) => {
-                let bound = |bounds: &[f64]| bounds.iter().map(|&bound| bound as f32).collect();
-                let bounds = (bound(&spec.action.min), bound(&spec.action.max));
-                let networks = SacNetworks::init(options.networks(&spec.task, picture, bounds), rng, device)?;
+                let networks = SacNetworks::init(of_stacks(options, spec, picture), rng, device)?;
                 ModelFreeLearner::Stacks(Box::new(SacLearner::new(networks, device)))
             }
             Self::Recurrent(options) => {
@@ -104,6 +122,12 @@ impl AgentOptions {
             Self::Recurrent(options) => format!("means of the encoder, {} (unit norm)", options.latent),
         }
     }
+}
+
+/// The networks that look at stacks of a task's pictures.
+fn of_stacks(options: &SacOptions, spec: &Spec, picture: [usize; 2]) -> SacConfig {
+    let bound = |bounds: &[f64]| bounds.iter().map(|&bound| bound as f32).collect();
+    options.networks(&spec.task, picture, (bound(&spec.action.min), bound(&spec.action.max)))
 }
 
 /// Rows and columns of a task's pictures.

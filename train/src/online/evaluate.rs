@@ -150,14 +150,14 @@ pub fn evaluate(
     Ok(Some(Evaluation { counters, protocol, videos, look, size, held_out, training_videos, gap, is_final }))
 }
 
-/// Drops the lines of evaluations that a stopped run made after its last checkpoint: those from `next` control steps on, and of a run that was not `finished` there the last
-/// evaluation at as many.
+/// Drops the lines of evaluations that a stopped run made after its last checkpoint, of so many updates and control steps: those from `next` control steps on, and of a run that was
+/// not `finished` there the last evaluation of these weights. That of fewer updates, after which the run was given more minutes, was saved with a checkpoint before this one.
 ///
 /// # Errors
 /// The file cannot be read or written.
-pub(super) fn drop_beyond(path: &Path, next: u64, control_steps: u64, finished: bool) -> Result<()> {
+pub(super) fn drop_beyond(path: &Path, next: u64, (update, control_steps): (u64, u64), finished: bool) -> Result<()> {
     keep_lines(path, |line| {
-        let is_unsaved = !finished && line["is_final"] == true;
+        let is_unsaved = !finished && line["is_final"] == true && line["update"] == update;
         let end = if is_unsaved { next.min(control_steps) } else { next };
         line["control_steps"].as_u64().is_some_and(|steps| steps < end)
     })
@@ -182,16 +182,19 @@ mod tests {
     fn what_was_evaluated_after_the_last_checkpoint_is_dropped() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("evaluations.jsonl");
-        let line = |steps: u64, is_final: bool| format!("{{\"control_steps\":{steps},\"is_final\":{is_final}}}\n");
-        let all = [line(100, false), line(150, true), line(200, false)];
-        let left = |next, control_steps, finished| {
+        let line = |update: u64, steps: u64, is_final: bool| {
+            format!("{{\"update\":{update},\"control_steps\":{steps},\"is_final\":{is_final}}}\n")
+        };
+        let all = [line(10, 100, false), line(20, 150, true), line(40, 200, false)];
+        let left = |next, at, finished| {
             std::fs::write(&file, all.concat()).unwrap();
-            drop_beyond(&file, next, control_steps, finished).unwrap();
+            drop_beyond(&file, next, at, finished).unwrap();
             std::fs::read_to_string(&file).unwrap()
         };
-        assert_eq!(left(300, 200, true), all.concat(), "a run that is longer now keeps the end that it had");
-        assert_eq!(left(200, 150, true), all[..2].concat());
-        assert_eq!(left(200, 150, false), all[0], "the last evaluation was not saved");
-        drop_beyond(&folder.path().join("none"), 0, 0, false).unwrap();
+        assert_eq!(left(300, (40, 200), true), all.concat(), "a run that is longer now keeps the end that it had");
+        assert_eq!(left(200, (20, 150), true), all[..2].concat());
+        assert_eq!(left(200, (20, 150), false), all[0], "the last evaluation was not saved");
+        assert_eq!(left(200, (30, 150), false), all[..2].concat(), "that of fewer updates was");
+        drop_beyond(&folder.path().join("none"), 0, (0, 0), false).unwrap();
     }
 }

@@ -112,7 +112,7 @@ pub struct Line {
     /// Mean of −log π.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub entropy: Option<f64>,
-    /// Weight of entropy.
+    /// Weight of entropy; none without an actor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature: Option<f64>,
     /// Control steps a second, end to end; none for random episodes.
@@ -162,7 +162,8 @@ pub(super) fn model_free_living(
     let replay = Replay::open(&place, manifest, (state.episodes, kept), &[], sizes)?;
     listen(Event::Start { control_steps: state.control_steps });
     let evaluations = folder.places().evaluations_path();
-    evaluate::drop_beyond(&evaluations, state.next_evaluation, state.control_steps, was_finished)?;
+    let at = (state.update, state.control_steps);
+    evaluate::drop_beyond(&evaluations, state.next_evaluation, at, was_finished)?;
     line::drop_lived_beyond(&folder.places().metrics_path(), state.control_steps)?;
     let metrics = MetricsFile::open(&folder.places().metrics_path(), state.update)?;
     let evaluations = MetricsFile::open(&evaluations, state.update)?;
@@ -317,7 +318,7 @@ impl Training<'_> {
             target_over_bound: target.map(|target| target * (1.0 - self.options.agent.discount()) / repeat),
             auxiliary_loss: mean_some(&|measures| measures.auxiliary_loss),
             entropy: mean_some(&|measures| measures.entropy),
-            temperature: mean(&|measures| measures.temperature),
+            temperature: mean(&|measures| measures.temperature).filter(|_| self.options.agent.has_actor()),
             control_steps_per_second: agent_steps_per_second.map(|steps| steps * repeat),
         }
     }

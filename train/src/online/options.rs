@@ -255,6 +255,26 @@ impl OnlineOptions {
         Ok(())
     }
 
+    /// Updates in which the actor is held still unless another number is asked for.
+    pub fn default_critic_first(is_given: bool) -> u64 {
+        if is_given { 500 } else { 100 }
+    }
+
+    /// That the actor of a new run, whose updates see `rows` rows, moves before the run is over, where it was asked for how long it is held still. A trial that is shorter than the number
+    /// that holds by default is told so and goes on.
+    ///
+    /// # Errors
+    /// The critic has every update for itself.
+    pub fn check_actor_moves(&self, rows: usize, is_given: bool) -> Result<()> {
+        let (critic, updates) = (self.critic_first, self.whole_updates(rows, is_given));
+        if critic < updates.max(1) || critic == Self::default_critic_first(is_given) {
+            return Ok(());
+        }
+        Err(TrainError::Options(format!(
+            "--critic-first is {critic}, and about {updates} updates are made in all; it must be below that, or the actor never moves"
+        )))
+    }
+
     /// Puts a protocol's settings in.
     pub fn settle(&mut self, protocol: Protocol) {
         self.protocol = Some(protocol);
@@ -450,6 +470,25 @@ mod tests {
         );
         assert_eq!(OnlineOptions { first_updates: u64::MAX, ..options.clone() }.whole_updates(128, false), u64::MAX);
         assert_eq!(OnlineOptions { control_steps: 100, ..options }.whole_updates(128, false), 200);
+    }
+
+    #[test]
+    fn an_actor_that_would_never_move_is_refused_where_that_was_asked_for() {
+        let options = OnlineOptions {
+            control_steps: 10_000,
+            prefill: 5,
+            first_updates: 200,
+            rows_per_step: 64.0,
+            ..default_options(default_world("cartpole-swingup").unwrap(), false)
+        };
+        assert_eq!(options.whole_updates(128, false), 450);
+        let held = |critic_first| OnlineOptions { critic_first, ..options.clone() }.check_actor_moves(128, false);
+        held(449).unwrap();
+        let error = held(450).unwrap_err().to_string();
+        assert!(error.contains("--critic-first is 450, and about 450 updates"), "{error}");
+        let brief = OnlineOptions { control_steps: 100, first_updates: 4, ..options };
+        brief.check_actor_moves(128, false).unwrap();
+        assert!(OnlineOptions { critic_first: 99, ..brief }.check_actor_moves(128, false).is_err());
     }
 
     #[test]

@@ -72,7 +72,7 @@ pub fn default_options(world: WorldOptions, is_given: bool) -> OnlineOptions {
         prefill: if is_given { 0 } else { 5 },
         given_share: 0.5,
         first_updates: if is_given { 1000 } else { 200 },
-        critic_first: if is_given { 500 } else { 100 },
+        critic_first: OnlineOptions::default_critic_first(is_given),
         short_horizon: 0,
         short_for: 0,
         exploration: 0.3,
@@ -172,7 +172,9 @@ fn begun(path: &Path, info: RunInfo, options: &OnlineOptions) -> Result<Run> {
     check_whole(path)?;
     options.check_found(path)?;
     if OnlineOptions::read(path)?.is_none() {
-        options.check_new(!info.recordings.is_empty())?;
+        let is_given = !info.recordings.is_empty();
+        options.check_new(is_given)?;
+        options.check_actor_moves(info.options.length * info.options.batch, is_given)?;
     }
     let run = Run::create_or_open(path, info)?;
     options.keep(run.path())?;

@@ -37,6 +37,7 @@ fn options() -> OnlineOptions {
         rows_per_step: 8.0,
         prefill: 2,
         first_updates: 4,
+        critic_first: 2,
         evaluate_every: 0,
         evaluation_episodes: 1,
         final_episodes: 1,
@@ -217,6 +218,23 @@ fn a_run_whose_minutes_are_up_is_evaluated_once_and_goes_on_with_more_of_them() 
     assert_eq!(finals(&run).iter().filter(|is_final| **is_final).count(), 2);
 }
 
+/// The minutes are up within the first updates; with more of them the run is saved again at the same control steps, before it is over.
+#[test]
+fn an_end_that_was_saved_stays_however_often_the_run_is_stopped_after_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let options = OnlineOptions { first_updates: 100, ..options() };
+    let go = |minutes: f64, listen: &mut dyn FnMut(Event<'_>) -> Go| {
+        let end = lived(&run, options.clone(), minutes, actor::as_it_is, listen).unwrap();
+        (end, finals(&run).into_iter().filter(|is_final| *is_final).count())
+    };
+    let stop = &mut |event: Event<'_>| if matches!(event, Event::Update) { Go::Stop } else { Go::On };
+    assert_eq!(go(1e-4, &mut |_| Go::On), (End::Minutes, 1));
+    assert_eq!(go(0.0, stop), (End::Stopped, 1));
+    assert_eq!(go(0.0, stop), (End::Stopped, 1));
+    assert_eq!(go(0.0, &mut |_| Go::On), (End::Updates, 2));
+}
+
 #[test]
 fn an_episode_without_a_window_is_refused_before_anything_is_begun() {
     let folder = tempfile::tempdir().unwrap();
@@ -226,6 +244,20 @@ fn an_episode_without_a_window_is_refused_before_anything_is_begun() {
     assert!(error.contains("--steps is 7, and a window has 8 rows") && !run.exists(), "{error}");
     let error = Folder::create_or_open(&run, model_free_options(2)).unwrap_err().to_string();
     assert!(error.contains("--steps is 2"), "{error}");
+}
+
+/// What is refused leaves no folder that would be in the way of larger pictures.
+#[test]
+fn pictures_that_the_networks_cannot_take_are_refused_before_anything_is_begun() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    for system in ["sac-drq", "core"] {
+        let mut options = model_free_options(20);
+        options.agent = AgentOptions::system(system, Size::Small).unwrap();
+        options.online.world.size = Some(10);
+        let error = Folder::create_or_open(&run, options).unwrap_err().to_string();
+        assert!(error.contains("too small") && !run.exists(), "{system}: {error}");
+    }
 }
 
 /// An offline run of three updates at `offline`, on the replay of an online run at `first`.

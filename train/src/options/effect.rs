@@ -20,6 +20,12 @@ impl Options {
         }
     }
 
+    /// The first of these entries that has been changed from `base`'s value to one that no preset has.
+    pub fn first_changed<'a>(&self, base: &Self, keys: &[&'a str]) -> Option<&'a str> {
+        let changes = Changes::of(self, base)?;
+        keys.iter().copied().find(|key| changes.has(key))
+    }
+
     /// Weights of the dynamics term that nothing looks at: where it does not reach the latents, or shapes them by a term of the objective's own. Terms that wait rise with it.
     pub(super) fn unread(&self) -> Vec<&'static str> {
         let weighs = self.objective.dynamics_shape_latents();
@@ -31,14 +37,9 @@ impl Options {
     }
 
     fn idle(&self, base: &Self) -> Option<(String, String)> {
-        let (mine, theirs) = (Table::try_from(self).ok()?, Table::try_from(base).ok()?);
-        let named: Table = [("objective".to_owned(), self.objective.to_string().into())].into_iter().collect();
-        let presets = PRESETS.map(|(preset, _)| {
-            let options = Self::resolve(preset, &[("the preset", named.clone())]).ok();
-            options.and_then(|options| Table::try_from(options).ok()).unwrap_or_default()
-        });
-        let of_preset = |key: &str| presets.iter().any(|preset| preset.get(key) == mine.get(key));
-        let changed = |key: &str| mine.get(key) != theirs.get(key) && !of_preset(key);
+        let changes = Changes::of(self, base)?;
+        let (mine, theirs) = (&changes.mine, &changes.theirs);
+        let changed = |key: &str| changes.has(key);
         let name = self.objective.to_string();
         let is_read = |flag: &str| self.objective.reads().iter().any(|option| option.flag == flag);
         let own = objective::REGISTRY.iter().flat_map(|definition| definition.options());
@@ -69,6 +70,31 @@ impl Options {
             .or_else(|| without("dynamics_warmup", !unread.contains(&"dynamics_warmup"), unweighted))
             .or_else(|| without("dynamics_start", waits, "does not wait"))
             .or_else(|| without("dynamics_after", waits, "does not wait"))
+    }
+}
+
+/// Options beside those that they were laid over, and every preset's.
+struct Changes {
+    mine: Table,
+    theirs: Table,
+    presets: [Table; PRESETS.len()],
+}
+
+impl Changes {
+    /// None where options cannot be written as a table, which all of them can.
+    fn of(mine: &Options, theirs: &Options) -> Option<Self> {
+        let named: Table = [("objective".to_owned(), mine.objective.to_string().into())].into_iter().collect();
+        let presets = PRESETS.map(|(preset, _)| {
+            let options = Options::resolve(preset, &[("the preset", named.clone())]).ok();
+            options.and_then(|options| Table::try_from(options).ok()).unwrap_or_default()
+        });
+        Some(Self { mine: Table::try_from(mine).ok()?, theirs: Table::try_from(theirs).ok()?, presets })
+    }
+
+    /// Whether an entry has another value than before, and one that no preset has.
+    fn has(&self, key: &str) -> bool {
+        let value = self.mine.get(key);
+        value != self.theirs.get(key) && self.presets.iter().all(|preset| preset.get(key) != value)
     }
 }
 
@@ -115,6 +141,17 @@ mod tests {
         assert_eq!((fault("inverse_weight = 0.0"), fault("reward_steps = 0")), (String::new(), String::new()));
         assert!(fault("inverse_weight = 0.0\ninverse_steps = 3").contains("--inverse-steps has no effect"));
         assert!(fault("reward_steps = 0\nreward_steps_weight = 0.5").contains("--reward-steps-weight has no effect"));
+    }
+
+    #[test]
+    fn a_value_that_some_preset_has_is_no_change() {
+        let base = Options::resolve("small", &[]).unwrap();
+        let first = |text: &str| {
+            let layer = [("a test", text.parse::<Table>().unwrap())];
+            Options::resolve("small", &layer).unwrap().first_changed(&base, &["updates", "log_every", "minutes"])
+        };
+        assert_eq!((first("updates = 200\nlog_every = 5"), first("lr = 0.5")), (None, None));
+        assert_eq!((first("updates = 201"), first("minutes = 4.0")), (Some("updates"), Some("minutes")));
     }
 
     #[test]

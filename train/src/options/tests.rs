@@ -32,6 +32,7 @@ fn impossible_values_are_refused() {
     for text in [
         "batch = 0",
         "lr = 0",
+        "adam_epsilon = 0",
         "latent_std = -1.0",
         "length = 3",
         "objective = 'dreamer'",

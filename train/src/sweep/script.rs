@@ -21,26 +21,26 @@ pub fn script(engine: Engine, plan: &str, folder: &str, runs: usize, jobs: usize
     let folder = line(&[folder.to_owned()]);
     let alone = "#!/usr/bin/env bash\n# Every run on one core; given again, it goes on with what is not done.\nset -euo pipefail\nexport RAYON_NUM_THREADS=${RAYON_NUM_THREADS:-1}\n";
     match engine {
+        // The number comes last, so that nothing is looked for in the plan's name.
         Engine::Xargs => {
+            format!("{alone}cd {folder}\nseq 0 {last} | xargs -P {jobs} -n 1 vibes-train sweep {plan} --index\n")
+        }
+        // GNU parallel hands what it runs to a shell once more: -q quotes it for that.
+        Engine::Parallel => {
             format!(
-                "{alone}cd {folder}\nseq 0 {last} | xargs -P {jobs} -I INDEX vibes-train sweep {plan} --index INDEX\n"
+                "{alone}cd {folder}\nseq 0 {last} | parallel -q --jobs {jobs} vibes-train sweep {plan} --index {{}}\n"
             )
         }
-        Engine::Parallel => {
-            format!("{alone}cd {folder}\nseq 0 {last} | parallel --jobs {jobs} vibes-train sweep {plan} --index {{}}\n")
-        }
-        Engine::Slurm => SLURM
-            .replace("LAST", &last.to_string())
-            .replace("JOBS", &jobs.to_string())
-            .replace("FOLDER", &folder)
-            .replace("PLAN", &plan),
+        Engine::Slurm => slurm(&plan, &folder, last, jobs),
     }
 }
 
 /// A run that gets the signal of the time limit saves and exits with 75; then its own element of the array is queued again, and goes on.
-const SLURM: &str = r#"#!/usr/bin/env bash
+fn slurm(plan: &str, folder: &str, last: usize, jobs: usize) -> String {
+    format!(
+        r#"#!/usr/bin/env bash
 #SBATCH --job-name=vibes
-#SBATCH --array=0-LAST%JOBS
+#SBATCH --array=0-{last}%{jobs}
 #SBATCH --cpus-per-task=2
 #SBATCH --mem=8G
 #SBATCH --time=04:00:00
@@ -49,11 +49,11 @@ const SLURM: &str = r#"#!/usr/bin/env bash
 #SBATCH --open-mode=append
 #SBATCH --output=slurm-%A_%a.log
 # Add your partition and account. Submit with sbatch; given again, every run goes on or says that it is done.
-cd FOLDER
-export RAYON_NUM_THREADS=${SLURM_CPUS_PER_TASK:-1}
+cd {folder}
+export RAYON_NUM_THREADS=${{SLURM_CPUS_PER_TASK:-1}}
 
 # The signal comes to this shell, which hands it on and waits for the run to save.
-vibes-train sweep PLAN --index slurm &
+vibes-train sweep {plan} --index slurm &
 run=$!
 trap 'kill -USR1 $run 2>/dev/null' USR1 TERM
 while :; do
@@ -67,7 +67,27 @@ late=$?
 [ $late = 127 ] || code=$late
 
 if [ $code = 75 ]; then
-    scontrol requeue "${SLURM_ARRAY_JOB_ID}_${SLURM_ARRAY_TASK_ID}"
+    scontrol requeue "${{SLURM_ARRAY_JOB_ID}}_${{SLURM_ARRAY_TASK_ID}}"
 fi
 exit $code
-"#;
+"#
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A name of a folder or a plan is what it is, whatever words the script is made of and however a shell reads it.
+    #[test]
+    fn names_are_left_as_they_are() {
+        let (folder, plan) = ("/data/PLAN of JOBS", "LAST INDEX/FOLDER.toml");
+        for engine in [Engine::Slurm, Engine::Xargs, Engine::Parallel] {
+            let text = script(engine, plan, folder, 3, 2);
+            assert!(text.contains("\ncd '/data/PLAN of JOBS'\n"), "{text}");
+            assert!(text.contains("vibes-train sweep 'LAST INDEX/FOLDER.toml' --index"), "{text}");
+        }
+        assert!(script(Engine::Slurm, plan, folder, 3, 2).contains("#SBATCH --array=0-2%2\n"));
+        assert!(script(Engine::Parallel, plan, folder, 3, 2).contains("| parallel -q --jobs 2 "));
+    }
+}

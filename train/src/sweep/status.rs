@@ -56,11 +56,26 @@ pub struct Status {
     pub note: Option<String>,
 }
 
-/// The state of one run.
-///
-/// # Errors
-/// Its folder belongs to another plan, or a file cannot be read.
-pub fn status(element: &Element) -> Result<Status> {
+/// The state of one run. One whose folder belongs to another plan, or has a file that cannot be read, has failed, so that it does not hide the others.
+pub fn status(element: &Element) -> Status {
+    found(element).unwrap_or_else(|error| Status {
+        index: element.index,
+        name: element.name.clone(),
+        state: State::Failed,
+        stages: (0, element.stages.len()),
+        update: None,
+        updates: None,
+        control_steps: None,
+        control_steps_asked: None,
+        rate: None,
+        seconds_left: None,
+        objective: None,
+        seconds_since: None,
+        note: Some(error.to_string()),
+    })
+}
+
+fn found(element: &Element) -> Result<Status> {
     let mark = Mark::found(element)?;
     let owner = FolderLock::owner_beside(&element.folder);
     let state = match &mark {
@@ -141,7 +156,7 @@ mod tests {
             settings: Default::default(),
             stages: vec![vec!["vibes-train".to_owned()]; 2],
         };
-        let found = status(&element).unwrap();
+        let found = status(&element);
         assert_eq!((found.update, found.updates, found.rate), (Some(90), None, Some(5.0)));
         assert_eq!((found.control_steps, found.control_steps_asked), (Some(400), Some(1000)));
         assert_eq!(found.seconds_left, Some(30.0));

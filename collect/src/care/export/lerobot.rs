@@ -9,6 +9,7 @@ mod features;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 use ::parquet::arrow::ArrowWriter;
 use serde_json::{Value, json};
@@ -20,7 +21,7 @@ use super::columns::parquet_error;
 use super::parquet::properties;
 use super::statistics::Statistics;
 use super::video::Video;
-use super::{Pictures, make_parent, with_steps, write_json};
+use super::{Pictures, go_on, make_parent, with_steps, write_json};
 use crate::error::{Error, Result};
 
 /// Files of a kind in one folder.
@@ -31,7 +32,7 @@ const TABLE_BYTES: usize = 100 << 20;
 const VIDEO_BYTES: u64 = 200 << 20;
 
 /// Writes the dataset; returns the numbers of episodes and frames.
-pub(super) fn write(recording: &Recording, pictures: Pictures, out: &Path) -> Result<(usize, u64)> {
+pub(super) fn write(recording: &Recording, pictures: Pictures, out: &Path, stop: &AtomicBool) -> Result<(usize, u64)> {
     let spec = &recording.manifest().spec;
     let features = Features::of(spec, pictures);
     let mut tables = Tables { out, place: Place::default(), writer: None };
@@ -39,6 +40,7 @@ pub(super) fn write(recording: &Recording, pictures: Pictures, out: &Path) -> Re
     let mut rows: Vec<EpisodeRow> = Vec::new();
     let mut frames = 0;
     for entry in with_steps(recording)? {
+        go_on(stop)?;
         let episode = recording.episode(entry.index)?.to_episode();
         episode.check(spec)?;
         let index = rows.len() as i64;

@@ -8,6 +8,7 @@
 use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use arrow::array::{ArrayRef, BooleanArray, Int64Array, RecordBatch, StructArray, UInt8Array};
 use arrow::datatypes::{Field, Float32Type, Float64Type, Schema};
@@ -17,8 +18,8 @@ use serde_json::{Value, json};
 use vibes_data::{Episode, EpisodeEntry, Recording, Spec};
 
 use super::columns::{arrow_error, field, list, numbers};
-use super::{make_parent, with_steps, write_json};
-use crate::error::Result;
+use super::{go_on, make_parent, with_steps, write_json};
+use crate::error::{Error, Result};
 use crate::paths::rebase;
 
 /// The key of the dataset's metadata under which the recording's own header stands.
@@ -38,12 +39,14 @@ fn dataset_id(out: &Path) -> String {
 
 /// Writes the dataset; returns the numbers of episodes and rows.
 /// `place` is where the dataset will be, `out` where it is made.
-pub(super) fn write(recording: &Recording, place: &Path, out: &Path) -> Result<(usize, u64)> {
+pub(super) fn write(recording: &Recording, place: &Path, out: &Path, stop: &AtomicBool) -> Result<(usize, u64)> {
     let data = out.join("data");
     let spec = &recording.manifest().spec;
+    check(spec)?;
     let (mut rows, mut bytes) = (0, 0);
     let with_steps = with_steps(recording)?;
     for (number, &entry) in with_steps.iter().enumerate() {
+        go_on(stop)?;
         let episode = recording.episode(entry.index)?.to_episode();
         episode.check(spec)?;
         let path = data.join(number.to_string()).join("part-0.arrow");
@@ -58,8 +61,23 @@ pub(super) fn write(recording: &Recording, place: &Path, out: &Path) -> Result<(
     Ok((with_steps.len(), rows))
 }
 
+/// That every part of an observation has a name of its own, and that there is one: a Dict of no spaces is a column of no length, which nobody reads.
+fn check(spec: &Spec) -> Result<()> {
+    let parts = spec.observation.iter().filter(|part| part.len > 0).map(|part| part.name.as_str());
+    let mut names: Vec<&str> = spec.pixels.map(|_| PIXELS).into_iter().chain(parts).collect();
+    names.sort_unstable();
+    let twice = names.windows(2).find(|pair| pair[0] == pair[1]).map(|pair| pair[0]);
+    let fact = match (names.is_empty(), twice) {
+        (true, _) => "the recording has neither pictures nor a vector observation, and Minari asks for one".to_owned(),
+        (_, Some(PIXELS)) => format!("a part of the vector observation is named {PIXELS}, as Minari's pictures are"),
+        (_, Some(name)) => format!("two parts of the vector observation are named {name}"),
+        (false, None) => return Ok(()),
+    };
+    Err(Error::Selection { fact, expected: "--format parquet takes every recording".to_owned() })
+}
+
 fn write_table(path: &Path, table: &RecordBatch) -> Result<()> {
-    let file = File::create(path).map_err(crate::Error::io("create", path))?;
+    let file = File::create(path).map_err(Error::io("create", path))?;
     let mut writer = FileWriter::try_new_buffered(file, &table.schema()).map_err(arrow_error(path))?;
     writer.write(table).map_err(arrow_error(path))?;
     writer.finish().map_err(arrow_error(path))

@@ -4,6 +4,7 @@
 use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use ::parquet::arrow::ArrowWriter;
 use ::parquet::basic::{Compression, ZstdLevel};
@@ -15,14 +16,15 @@ use vibes_data::{ImageSize, Recording, Spec, episode_table};
 
 use super::columns::{arrow_error, parquet_error};
 use super::pictures::png;
-use super::{Pictures, make_parent, write_json};
+use super::{Pictures, go_on, make_parent, write_json};
 use crate::error::Result;
 
 /// Writes `episodes/000012.parquet` and so on; returns the numbers of episodes and rows.
-pub(super) fn write(recording: &Recording, pictures: Pictures, out: &Path) -> Result<(usize, u64)> {
+pub(super) fn write(recording: &Recording, pictures: Pictures, out: &Path, stop: &AtomicBool) -> Result<(usize, u64)> {
     let spec = &recording.manifest().spec;
     let mut rows = 0;
     for entry in recording.episodes() {
+        go_on(stop)?;
         let source = recording.path().join(&entry.arrow.path);
         let mut table = episode_table(&source, spec)?;
         if let (Pictures::Png, Some(size)) = (pictures, spec.pixels) {

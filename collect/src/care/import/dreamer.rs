@@ -2,13 +2,14 @@
 //! are any `discount`, `is_first`, `is_last`, `is_terminal` and vector observations `[L, n]`; and the replay chunks of `DreamerV3`.
 //!
 //! **Alignment.** In all of them the reward of row t is the one that came with observation t, so that our `r_t` is their row t + 1. The action differs
-//! ([`Convention`]). A file with several `is_first` holds several episodes; an episode of `DreamerV3` may go on in the next chunk ([`chains`]).
+//! ([`Convention`]). A file with several `is_first`, or without any with an `is_last` before its last row, holds several episodes; an episode of `DreamerV3` may go on in the next chunk ([`chains`]).
 
 mod chains;
 mod rows;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 use vibes_data::{Episode, EpisodeInfo, ImageSize, ObservationPart, RecordingWriter, Spec};
 use vibes_env::names;
@@ -17,7 +18,9 @@ use self::chains::Chain;
 use self::rows::{Convention, Rows};
 use super::array::{Array, Kind};
 use super::npz::Npz;
-use super::{ImportFormat, ImportOptions, ImportReport, begin, bounds_of, write_checked};
+use super::{
+    ImportFormat, ImportOptions, ImportReport, begin, bounds_of, channels_last, check_observed, go_on, write_checked,
+};
 use crate::error::{Error, Result};
 
 /// Arrays that are no observation.
@@ -30,13 +33,15 @@ struct Chunk {
     reward: Array,
     discount: Option<Array>,
     is_first: Option<Array>,
+    /// Looked at where nothing says which rows are first.
+    is_last: Option<Array>,
     is_terminal: Option<Array>,
     vectors: Vec<(String, Array)>,
     ignored: BTreeSet<String>,
 }
 
 /// Reads a folder of files into a recording at `out`.
-pub(super) fn read(source: &Path, options: &ImportOptions, out: &Path) -> Result<ImportReport> {
+pub(super) fn read(source: &Path, options: &ImportOptions, out: &Path, stop: &AtomicBool) -> Result<ImportReport> {
     let files = files_of(source)?;
     let chains = chains::chains(&files)?;
     let mut bounds = None;
@@ -48,10 +53,11 @@ pub(super) fn read(source: &Path, options: &ImportOptions, out: &Path) -> Result
     let first = Chunk::read(&files[0], chains[0].convention)?;
     let spec =
         first.spec(options.spec(&name, bounds.unwrap_or_else(|| vibes_data::ActionSpec { min: vec![], max: vec![] })));
+    check_observed(&spec, &first.ignored, &files[0])?;
     let writer = begin(spec.clone(), ImportFormat::Dreamer, &name, out, options.with_mcap)?;
     let mut import = Import { spec, writer, first: files[0].clone(), report: ImportReport::default() };
     for chain in &chains {
-        import.chain(chain)?;
+        import.chain(chain, stop)?;
     }
     import.writer.finish()?;
     Ok(import.report)
@@ -68,9 +74,10 @@ struct Import {
 
 impl Import {
     /// The episodes of files that follow each other, one file at a time in memory and at most one unfinished episode.
-    fn chain(&mut self, chain: &Chain) -> Result<()> {
+    fn chain(&mut self, chain: &Chain, stop: &AtomicBool) -> Result<()> {
         let mut open: Option<(PathBuf, Rows)> = None;
         for file in &chain.files {
+            go_on(stop)?;
             let chunk = Chunk::read(file, chain.convention)?;
             let own = chunk.spec(Spec { observation: Vec::new(), pixels: None, ..self.spec.clone() });
             if own != self.spec || chunk.action.width() != self.spec.action_len() {
@@ -138,9 +145,11 @@ impl Chunk {
         let mut file = Npz::open(path)?;
         let (action, reward) = (file.needed("action")?, file.needed("reward")?);
         let image = file.array("image")?;
+        let is_first = file.array("is_first")?;
         let mut chunk = Self {
             discount: file.array("discount")?,
-            is_first: file.array("is_first")?,
+            is_last: if is_first.is_none() { file.array("is_last")? } else { None },
+            is_first,
             is_terminal: file.array("is_terminal")?,
             image: image.map(|image| as_rgb(image, path)).transpose()?,
             vectors: Vec::new(),
@@ -177,6 +186,7 @@ impl Chunk {
             ("image", &self.image),
             ("discount", &self.discount),
             ("is_first", &self.is_first),
+            ("is_last", &self.is_last),
             ("is_terminal", &self.is_terminal),
         ];
         let named = [("action", &self.action), ("reward", &self.reward)].into_iter();
@@ -208,7 +218,11 @@ impl Chunk {
 
     /// The parts of the file that lie in one episode each.
     fn segments(&self) -> Vec<Segment> {
-        let begins = |row: usize| self.is_first.as_ref().is_some_and(|first| first.is_set(row));
+        let begins = |row: usize| match (&self.is_first, &self.is_last) {
+            (Some(first), _) => first.is_set(row),
+            (None, Some(last)) => row > 0 && last.is_set(row - 1),
+            (None, None) => false,
+        };
         let starts: Vec<usize> = (0..self.rows_count()).filter(|&row| row == 0 || begins(row)).collect();
         let ends = starts.iter().skip(1).copied().chain([self.rows_count()]);
         // Without flags a file is an episode.
@@ -248,13 +262,7 @@ fn as_rgb(image: Array, path: &Path) -> Result<Array> {
     match (image.kind, image.shape.as_slice()) {
         (Kind::U8, &[_, height, width, 3]) if height > 0 && width > 0 => Ok(image),
         (Kind::U8, &[rows, 3, height, width]) if height > 0 && width > 0 => {
-            let plane = height * width;
-            let turned = |picture: &[u8]| -> Vec<u8> {
-                (0..plane)
-                    .flat_map(|pixel| [picture[pixel], picture[plane + pixel], picture[2 * plane + pixel]])
-                    .collect()
-            };
-            let data = image.data.chunks_exact(3 * plane).flat_map(turned).collect();
+            let data = channels_last(&image.data, height * width);
             Ok(Array { kind: Kind::U8, shape: vec![rows, height, width, 3], data })
         }
         (kind, shape) => {

@@ -2,13 +2,14 @@
 //!
 //! In: the dataset's folder, or its `data` folder. `metadata.json` names the storage and the spaces. A dataset that was exported from a recording brings the
 //! recording's own header back, and with it states, distractors, cells and videos; of any other, float observations become parts of the
-//! vector observation, `uint8` of `[height, width, 3]` the picture, and what is in `infos` is left out.
+//! vector observation, `uint8` of `[height, width, 3]` or `[3, height, width]` the picture, and what is in `infos` is left out.
 
 mod spaces;
 mod store;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 use serde::Deserialize;
 use serde_json::Value;
@@ -21,7 +22,8 @@ use self::spaces::{Leaf, LeafKind, Space};
 use self::store::{EpisodeStore, Store};
 use super::array::Array;
 use super::{
-    ImportFormat, ImportOptions, ImportReport, begin, bounds_of, in_episode, without_distractors, write_checked,
+    ImportFormat, ImportOptions, ImportReport, begin, bounds_of, check_observed, go_on, in_episode,
+    without_distractors, write_checked,
 };
 use crate::error::{Error, Result};
 use crate::paths::rebase;
@@ -70,12 +72,13 @@ struct Dataset {
 }
 
 /// Reads a dataset into a recording at `out`.
-pub(super) fn read(source: &Path, options: &ImportOptions, out: &Path) -> Result<ImportReport> {
+pub(super) fn read(source: &Path, options: &ImportOptions, out: &Path, stop: &AtomicBool) -> Result<ImportReport> {
     let dataset = Dataset::open(source)?;
     let mut report = ImportReport { ignored: dataset.ignored(), ..ImportReport::default() };
-    let (writer, spec) = dataset.begin(options, out)?;
+    let (writer, spec) = dataset.begin(options, &report.ignored, out)?;
     let policy = dataset.metadata.algorithm_name.clone().filter(|name| !name.is_empty());
     for place in 0..dataset.metadata.total_episodes {
+        go_on(stop)?;
         let read = dataset.episode(place, policy.as_deref().unwrap_or("imported"));
         let (episode, info) = read.map_err(in_episode(place))?;
         match &dataset.metadata.vibes {
@@ -126,21 +129,26 @@ impl Dataset {
         if let LeafKind::Other(what) = &action.kind {
             return Err(broken(format!("actions are {what}; Box and Discrete are read")));
         }
-        if matches!(action.kind, LeafKind::Picture(_)) {
+        if matches!(action.kind, LeafKind::Picture { .. }) {
             return Err(broken("actions are pictures".into()));
         }
         let store = Store::open(&folder, metadata.data_format.as_deref().unwrap_or("hdf5"))?;
         Ok(Self { folder, metadata, observations, action, store })
     }
 
+    /// What a recording has no place for: `infos` but for those of an export, of which Minari has the same in every episode.
     fn ignored(&self) -> BTreeSet<String> {
         let other = self.observations.iter().filter_map(|leaf| match &leaf.kind {
             LeafKind::Other(what) => Some(format!("{} ({what})", leaf.path.join("/"))),
             _ => None,
         });
-        let mut pictures = self.observations.iter().filter(|leaf| matches!(leaf.kind, LeafKind::Picture(_)));
+        let mut pictures = self.observations.iter().filter(|leaf| matches!(leaf.kind, LeafKind::Picture { .. }));
         let _ = pictures.next();
-        other.chain(pictures.map(|leaf| format!("{} (a second picture)", leaf.path.join("/")))).collect()
+        let pictures = pictures.map(|leaf| format!("{} (a second picture)", leaf.path.join("/")));
+        // An episode that cannot be opened is named when it is read.
+        let first = (self.metadata.vibes.is_none() && self.metadata.total_episodes > 0).then(|| self.store.episode(0));
+        let infos = first.and_then(Result::ok).map_or_else(Vec::new, |episode| episode.infos());
+        other.chain(pictures).chain(infos).collect()
     }
 
     fn name(&self) -> String {
@@ -151,7 +159,7 @@ impl Dataset {
 
     /// The pictures' leaf: the first of them.
     fn picture(&self) -> Option<&Leaf> {
-        self.observations.iter().find(|leaf| matches!(leaf.kind, LeafKind::Picture(_)))
+        self.observations.iter().find(|leaf| matches!(leaf.kind, LeafKind::Picture { .. }))
     }
 
     /// The parts of the vector observation.
@@ -159,7 +167,12 @@ impl Dataset {
         self.observations.iter().filter(|leaf| matches!(leaf.kind, LeafKind::Numbers { .. } | LeafKind::OneHot { .. }))
     }
 
-    fn begin(&self, options: &ImportOptions, out: &Path) -> Result<(RecordingWriter, Spec)> {
+    fn begin(
+        &self,
+        options: &ImportOptions,
+        ignored: &BTreeSet<String>,
+        out: &Path,
+    ) -> Result<(RecordingWriter, Spec)> {
         let name = self.name();
         if self.metadata.vibes.is_some() {
             options.check_settled(&self.folder)?;
@@ -184,6 +197,7 @@ impl Dataset {
             observation: self.vectors().map(|leaf| ObservationPart { name: leaf.name(), len: leaf.len() }).collect(),
             ..options.spec(&name, bounds)
         })?;
+        check_observed(&spec, ignored, &self.folder.join("metadata.json"))?;
         let writer = begin(spec.clone(), ImportFormat::Minari, &name, out, options.with_mcap)?;
         Ok((writer, spec))
     }
@@ -275,8 +289,10 @@ impl Dataset {
                 episode.observations.extend(&values[row * len..(row + 1) * len]);
             }
         }
-        if let Some((leaf, size)) = self.picture().and_then(|leaf| Some((leaf, leaf.size()?))) {
-            episode.pixels = source.pictures(&leaf.path, size, rows)?;
+        if let Some(leaf) = self.picture()
+            && let LeafKind::Picture { size, channels_first } = leaf.kind
+        {
+            episode.pixels = source.pictures(&leaf.path, (size, channels_first), rows)?;
         }
         Ok(episode)
     }

@@ -71,13 +71,16 @@ impl OnlineArgs {
     }
 }
 
-/// That the options differ from those that they were laid over in nothing that is not looked at. What merely says the same again, as a run's config.toml does, may stand.
+/// That the options differ from those that they were laid over in nothing that is not looked at. What merely says the same again may stand, and where a run begins from nothing what a
+/// preset has: a run's config.toml says all of its own, and not which preset that was.
 pub(super) fn check_same(asked: &Options, base: &Options, is_gone_on_from: bool) -> Result<()> {
     let online = "online, where control steps count and a line is a round";
     let settled = "where a run is gone on from: it has that settled";
+    let is_other =
+        |key: &str, differs: bool| differs && (is_gone_on_from || asked.first_changed(base, &[key]).is_some());
     let changed = [
-        ("updates", asked.updates != base.updates, online),
-        ("log-every", asked.log_every != base.log_every, online),
+        ("updates", is_other("updates", asked.updates != base.updates), online),
+        ("log-every", is_other("log_every", asked.log_every != base.log_every), online),
         ("calibrate", is_gone_on_from && asked.calibrate != base.calibrate, settled),
         ("reward-scale", is_gone_on_from && asked.reward_scale != base.reward_scale, settled),
         ("reward-floor", is_gone_on_from && asked.reward_floor != base.reward_floor, settled),

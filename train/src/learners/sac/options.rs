@@ -158,7 +158,7 @@ pub struct SacOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Size {
-    /// As published: 84 pixels, batches of 512, perceptrons of 1024, all views.
+    /// As published, but for the batches of `SimSR`, which were 128: 84 pixels, batches of 512, perceptrons of 1024, all views.
     Paper,
     /// For a few cores: 64 pixels, batches of 128, perceptrons of 256, one view.
     Small,

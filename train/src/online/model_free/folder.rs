@@ -12,7 +12,7 @@ use super::State;
 use crate::checkpoints;
 use crate::error::{Result, TrainError, io, malformed};
 use crate::json::write_json;
-use crate::learners::model_free::{AgentOptions, ModelFreeLearner, picture};
+use crate::learners::model_free::{AgentOptions, ModelFreeLearner};
 use crate::learners::sac::options::Size;
 use crate::online::options::{OnlineOptions, difference, flag};
 use crate::online::prepare::check_length;
@@ -94,7 +94,7 @@ impl Folder {
     /// Another run is there, another process writes into it, an option makes no sense, or the folder cannot be written.
     pub fn create_or_open(path: &Path, options: ModelFreeOptions) -> Result<Self> {
         options.online.check()?;
-        picture(&options.online.world.spec()?)?;
+        options.agent.check_pictures(&options.online.world.spec()?)?;
         let [length, batch] = options.agent.windows();
         check_length(&options.online, length)?;
         if batch == 0 {
@@ -203,7 +203,8 @@ impl Folder {
             TrainError::NotFinite { what, value } => {
                 // The step sizes are the system's own.
                 let remedy = "another --seed or --system";
-                TrainError::Diverged { update: update + 1, what, value, remedy, run: self.path().to_owned() }
+                let is_kept = !self.folder.checkpoints().is_empty();
+                TrainError::Diverged { update: update + 1, what, value, is_kept, remedy, run: self.path().to_owned() }
             }
             other => other,
         }

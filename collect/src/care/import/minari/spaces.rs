@@ -27,8 +27,8 @@ pub(super) struct Leaf {
 /// What a column becomes.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum LeafKind {
-    /// The picture.
-    Picture(ImageSize),
+    /// The picture, `[height, width, 3]` or `[3, height, width]`.
+    Picture { size: ImageSize, channels_first: bool },
     /// Numbers of the vector observation, or an action.
     Numbers { len: usize, low: Vec<f64>, high: Vec<f64> },
     /// One of `n` choices, as zeros and a one.
@@ -114,7 +114,10 @@ fn box_kind(dtype: &str, shape: &[usize], low: Vec<f64>, high: Vec<f64>) -> Leaf
     let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
     match (dtype, shape, len) {
         ("uint8", &[height, width, 3], Some(_)) => {
-            LeafKind::Picture(ImageSize { height: side(height), width: side(width) })
+            LeafKind::Picture { size: ImageSize { height: side(height), width: side(width) }, channels_first: false }
+        }
+        ("uint8", &[3, height, width], Some(_)) => {
+            LeafKind::Picture { size: ImageSize { height: side(height), width: side(width) }, channels_first: true }
         }
         ("uint8", &[_, _, _], _) => LeafKind::Other(format!("a picture of shape {shape:?}")),
         (_, _, Some(len)) => LeafKind::Numbers { len, low, high },
@@ -145,7 +148,7 @@ impl Leaf {
         match &self.kind {
             LeafKind::Numbers { len, .. } => *len,
             LeafKind::OneHot { n, .. } => *n,
-            LeafKind::Picture(size) => size.bytes(),
+            LeafKind::Picture { size, .. } => size.bytes(),
             LeafKind::Other(_) => 0,
         }
     }
@@ -153,7 +156,7 @@ impl Leaf {
     /// The picture's size.
     pub(super) fn size(&self) -> Option<ImageSize> {
         match self.kind {
-            LeafKind::Picture(size) => Some(size),
+            LeafKind::Picture { size, .. } => Some(size),
             _ => None,
         }
     }

@@ -17,6 +17,7 @@ use vibes_data::{ImageSize, read_table};
 use vibes_env::videos::picture::is_whole_jpeg;
 
 use super::super::array::{Array, Kind};
+use super::super::channels_last;
 use crate::error::{Error, Result};
 
 /// Deflate makes at most this many bytes of one.
@@ -112,8 +113,13 @@ impl EpisodeStore {
         }
     }
 
-    /// Pictures `[rows, height, width, 3]`, as numbers or as JPEGs.
-    pub(super) fn pictures(&self, names: &[String], size: ImageSize, rows: usize) -> Result<Vec<u8>> {
+    /// Pictures `[rows, height, width, 3]`, from numbers, which may have their channels first, or from JPEGs.
+    pub(super) fn pictures(
+        &self,
+        names: &[String],
+        (size, channels_first): (ImageSize, bool),
+        rows: usize,
+    ) -> Result<Vec<u8>> {
         let name = names.join("/");
         let refused = |fact: String| Error::malformed(self.path(), fact, "pictures of the size that the space says");
         if let Self::Arrow { table, .. } = self
@@ -137,7 +143,24 @@ impl EpisodeStore {
         if array.rows() < rows || array.width() != size.bytes() {
             return Err(refused(format!("{name} of shape {:?}", array.shape)));
         }
-        Ok(array.bytes(0, rows).to_vec())
+        let bytes = array.bytes(0, rows);
+        Ok(if channels_first { channels_last(bytes, size.bytes() / 3) } else { bytes.to_vec() })
+    }
+
+    /// What is below `infos`, by name; nothing where it cannot be listed.
+    pub(super) fn infos(&self) -> Vec<String> {
+        let names: Vec<String> = match self {
+            Self::Arrow { table, .. } => table
+                .column_by_name("infos")
+                .and_then(|infos| infos.as_struct_opt())
+                .map_or_else(Vec::new, |infos| infos.column_names().into_iter().map(str::to_owned).collect()),
+            Self::Hdf5 { group, .. } => {
+                let infos = group.group("infos").ok();
+                let listed = infos.map(|infos| [infos.groups(), infos.datasets()].into_iter().flatten().flatten());
+                listed.into_iter().flatten().collect()
+            }
+        };
+        names.into_iter().map(|name| format!("infos/{name}")).collect()
     }
 
     /// What the episode says of itself.
