@@ -109,6 +109,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         &json!({
             "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "curves",
             "runs": options.runs.iter().map(|run| vibes_data::relative_place(run, &out)).collect::<Vec<_>>(),
+            "protocols": runs.iter().map(Run::protocol).collect::<Vec<_>>(),
             "metrics": metrics.iter().map(|metric| &metric.name).collect::<Vec<_>>(),
             "by": clap::ValueEnum::to_possible_value(&options.by).map(|by| by.get_name().to_owned()), "table_metric": tabled.as_ref().map(|metric| &metric.name),
             "note": options.note,

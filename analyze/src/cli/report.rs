@@ -120,7 +120,10 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
 /// The run that latents lie in, with what must be known of it; none where they lie in no run, or in one that cannot be read.
 fn read_run(folder: &Path, name: &str, remarks: &mut Vec<String>) -> Option<Run> {
     match Run::read(folder) {
-        Ok(run) => Some(run),
+        Ok(run) => {
+            remarks.extend(run.remarks());
+            Some(run)
+        }
         Err(InputError::NoRun { .. }) => None,
         Err(error) => {
             // Where it lies on this machine is nobody's business.

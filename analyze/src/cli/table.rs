@@ -78,7 +78,8 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         &json!({
             "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "table", "by": by, "where": options.rows,
             "metrics": metrics.iter().map(|metric| &metric.name).collect::<Vec<_>>(), "columns": options.columns, "lower": options.lower,
-            "runs": options.runs.iter().map(|run| vibes_data::relative_place(run, &out)).collect::<Vec<_>>(), "note": options.note,
+            "runs": options.runs.iter().map(|run| vibes_data::relative_place(run, &out)).collect::<Vec<_>>(),
+            "protocols": results.protocols(), "note": options.note,
         }),
         &table,
     )?;

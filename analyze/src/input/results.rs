@@ -108,6 +108,18 @@ impl Results {
         self.sources.iter().flat_map(of).collect()
     }
 
+    /// The protocol under which each source was evaluated last; none of tables.
+    #[must_use]
+    pub fn protocols(&self) -> Vec<Option<&str>> {
+        self.sources
+            .iter()
+            .map(|source| match source {
+                Source::Run { run, .. } => run.protocol(),
+                Source::Table { .. } => None,
+            })
+            .collect()
+    }
+
     /// Whether a source has something of this name.
     #[must_use]
     pub fn has(&self, name: &str) -> bool {

@@ -43,6 +43,8 @@ pub struct Run {
     finals: BTreeMap<String, f64>,
     /// Files of the run whose grid is among what the run was trained on, or what was fitted for it: their numbers are not held out, and are left out.
     not_held_out: BTreeSet<String>,
+    /// The protocol under which an online run was evaluated last.
+    protocol: Option<String>,
     /// What else must be known of its numbers.
     remarks: Vec<String>,
     /// Lines of the metrics that could not be read (a run that was killed leaves at most one).
@@ -80,7 +82,8 @@ impl Run {
         let clock = clock.unwrap_or("update").to_string();
         let (path, finals, not_held_out, remarks) = (path.into(), BTreeMap::new(), BTreeSet::new(), Vec::new());
         let broken_lines = metrics.broken;
-        let mut run = Self { path, name, info, clock, series, finals, not_held_out, remarks, broken_lines };
+        let protocol = None;
+        let mut run = Self { path, name, info, clock, series, finals, not_held_out, protocol, remarks, broken_lines };
         run.add_held_out(&folder, &metrics)?;
         // Single checkpoints are evaluated in any order.
         run.series.values_mut().for_each(|series| series.sort_by(|a, b| a.0.total_cmp(&b.0)));
@@ -106,6 +109,9 @@ impl Run {
         }
         if let Some(last) = over_training.lines.last().filter(is_final) {
             self.add_final(HELD_OUT, &Value::Object(last.clone()));
+            self.protocol = last.get("protocol").and_then(Value::as_str).map(str::to_owned);
+            let under = self.protocol.iter().map(|protocol| format!("{}: last evaluated under {protocol}", self.name));
+            self.remarks.extend(under);
         }
         // Evaluations of an online run are of returns alone, and leave room for a grid's numbers.
         let of_grid = kept.clone().filter(|row| row.contains_key("numbers"));
@@ -237,6 +243,12 @@ impl Run {
     #[must_use]
     pub fn last_evaluation(&self, name: &str) -> Option<f64> {
         self.finals.get(name).copied()
+    }
+
+    /// The protocol under which it was evaluated last, if it was under one.
+    #[must_use]
+    pub fn protocol(&self) -> Option<&str> {
+        self.protocol.as_deref()
     }
 
     /// The objective the run was trained with, if `run.json` says.
@@ -492,6 +504,12 @@ mod tests {
         let evaluated = Run::read(dir.path()).expect("run");
         assert_eq!(evaluated.series["held_out.numbers.state_share.estimate"], vec![(1000.0, 0.75)]);
         assert_eq!(evaluated.final_value("state_share"), Some(0.75), "of a grid, beside returns");
+        assert_eq!((run.protocol(), run.remarks().len()), (None, 0));
+        let published = line(1000, 70.0, true).replace("\"update\"", "\"protocol\":\"dcs-easy-dynamic-500k\",\"update\"");
+        write("evaluations.jsonl", &[line(600, 4.0, false), published].concat());
+        let under = Run::read(dir.path()).expect("run");
+        assert_eq!(under.protocol(), Some("dcs-easy-dynamic-500k"));
+        assert!(under.remarks()[0].ends_with("last evaluated under dcs-easy-dynamic-500k"), "{:?}", under.remarks());
         write("evaluations.jsonl", &line(1000, 70.0, true));
         let alone = Run::read(dir.path()).expect("run");
         assert_eq!(alone.series["held_out.held_out.mean_return"], vec![(1000.0, 70.0)], "rather than none");
