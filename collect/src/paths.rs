@@ -3,6 +3,7 @@
 //! In: a recording's options as JSON, which name a folder of videos and the files of policies. Out: the same options for another folder. Symbolic links
 //! are followed before `..` is counted, since that is how the system follows the result.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -25,6 +26,17 @@ pub(crate) fn rebase(options: &mut Value, from: Option<&Path>, to: Option<&Path>
 pub(crate) fn without_places(options: &mut Value, folder: &Path) {
     let name = |path: &Path| whole(&followed(folder).join(path)).file_name().map(PathBuf::from).unwrap_or_default();
     change(options, &|_: &Path| PathBuf::new(), &name);
+}
+
+/// Where all that is that the options of a recording in `folder` name: its videos, and the files and runs of policies.
+pub(crate) fn places(options: &Value, folder: &Path) -> Vec<PathBuf> {
+    let places = RefCell::new(Vec::new());
+    let note = |path: &Path| {
+        places.borrow_mut().push(whole(&followed(folder).join(path)));
+        path.to_owned()
+    };
+    change(&mut options.clone(), &note, &note);
+    places.into_inner()
 }
 
 /// Puts other paths in the place of those that options name, and of those that the parts name which a recording was merged of.

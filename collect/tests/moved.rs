@@ -94,4 +94,35 @@ fn parts_of_two_machines_come_together() {
     assert_eq!(manifest("again"), manifest("vg"));
     let said = works(&here, "verify again");
     assert!(said.contains("0 findings") && said.contains("12 pictures drawn again"), "{said}");
+    // In the other order the videos are still those that are there.
+    works(&here, "merge ../other/machine/vg-val vg-train -o swapped");
+    assert_eq!(manifest("swapped"), manifest("vg"));
+}
+
+/// Films and actions of the same names in two folders that are both there need not be the same.
+#[test]
+fn parts_that_name_other_films_or_actions_are_no_parts_of_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let home = folder.path().canonicalize().unwrap();
+    for (films, grid) in [("fa", "ga"), ("fb", "gb")] {
+        write_videos(&home.join(films));
+        works(
+            &home,
+            &format!("--grid 2x2 --videos {films} --video-count 2 --steps 3 --size 24 --no-mcap -q -o {grid}"),
+        );
+        works(&home, &format!("split {grid} --parts 0.5,0.5"));
+    }
+    let said = works(&home, "merge ga-train gb-val -o mixed");
+    assert!(!said.contains("parts of one recording"), "{said}");
+    assert!(works(&home, "verify mixed").contains("0 findings"));
+    for (name, action) in [("A", 0.5), ("B", -0.5)] {
+        fs::create_dir_all(home.join(name)).unwrap();
+        fs::write(home.join(name).join("acts.json"), format!("[[{action}],[{action}],[{action}]]")).unwrap();
+        let acts = format!("--policy actions:{name}/acts.json --task cartpole-swingup --episodes 4 --steps 3");
+        works(&home, &format!("{acts} --no-pixels --no-mcap -q -o r{name}"));
+        let kept = if name == "A" { "0-1" } else { "2-3" };
+        works(&home, &format!("filter r{name} --episodes {kept} -o part{name}"));
+    }
+    let said = works(&home, "merge partA partB -o both");
+    assert!(!said.contains("parts of one recording"), "{said}");
 }

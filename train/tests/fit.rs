@@ -141,9 +141,12 @@ fn a_loss_that_is_no_number_stops_and_keeps_the_last_checkpoint() {
         train(&path, &recordings, &options("updates = 50\ncheckpoint_every = 1\nlr = 1e18\nadversary_lr = 1e-3"))
             .unwrap_err();
     let run = vibes_train::run::Run::open(&path).unwrap();
-    let is_saved = !run.checkpoints().is_empty();
-    assert!(matches!(error, TrainError::Diverged { is_kept, .. } if is_kept == is_saved), "{error}");
-    assert_eq!(error.to_string().contains("checkpoint is kept"), is_saved, "{error}");
+    assert!(matches!(error, TrainError::Diverged { is_kept: true, .. }), "{error}");
+    assert!(error.to_string().contains("checkpoint is kept") && error.to_string().contains("--from"), "{error}");
+    let unsaved = options("updates = 50\ncheckpoint_every = 50\nlr = 1e18\nadversary_lr = 1e-3");
+    let lost = train(&folder.path().join("unsaved"), &recordings, &unsaved).unwrap_err();
+    assert!(matches!(lost, TrainError::Diverged { is_kept: false, .. }), "{lost}");
+    assert!(!lost.to_string().contains("is kept") && lost.to_string().contains("from the beginning"), "{lost}");
     for update in run.checkpoints() {
         let (weights, _) = load_tensors(&run.checkpoint_path(update).join("model.safetensors")).unwrap();
         assert!(

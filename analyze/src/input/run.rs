@@ -505,7 +505,8 @@ mod tests {
         assert_eq!(evaluated.series["held_out.numbers.state_share.estimate"], vec![(1000.0, 0.75)]);
         assert_eq!(evaluated.final_value("state_share"), Some(0.75), "of a grid, beside returns");
         assert_eq!((run.protocol(), run.remarks().len()), (None, 0));
-        let published = line(1000, 70.0, true).replace("\"update\"", "\"protocol\":\"dcs-easy-dynamic-500k\",\"update\"");
+        let published =
+            line(1000, 70.0, true).replace("\"update\"", "\"protocol\":\"dcs-easy-dynamic-500k\",\"update\"");
         write("evaluations.jsonl", &[line(600, 4.0, false), published].concat());
         let under = Run::read(dir.path()).expect("run");
         assert_eq!(under.protocol(), Some("dcs-easy-dynamic-500k"));

@@ -67,14 +67,16 @@ impl BenchArgs {
         refuse(&self.given, model.iter().map(String::as_str).chain(of_task.iter().copied()), beside)
     }
 
-    /// The model's options, none of which says what a run is trained on, for how long and how it is saved; what a preset has of these, as a run's config.toml does, may stand.
+    /// The model's options. What says how long a run is and how it is saved may stand, as a run's config.toml has it, but not what it sees: pictures are timed.
     fn model(&self) -> Result<Options> {
         let options = if self.recipe { self.options.resolve() } else { self.options.resolve_plain() }?;
-        let of_runs = ["observations", "updates", "minutes", "checkpoint_every", "log_every", "keep"];
-        match options.first_changed(&Options::preset(self.options.preset())?, &of_runs) {
+        match options.first_changed(&Options::preset(self.options.preset())?, &["observations"]) {
             None => Ok(options),
             Some(key) => {
-                let text = format!("--{} has no effect where updates are timed; leave it out", key.replace('_', "-"));
+                let text = format!(
+                    "--{} has no effect where updates on pictures are timed; leave it out",
+                    key.replace('_', "-")
+                );
                 Err(TrainError::Options(text).into())
             }
         }

@@ -46,6 +46,7 @@ pub(super) fn read(source: &Path, options: &ImportOptions, out: &Path, stop: &At
     let chains = chains::chains(&files)?;
     let mut bounds = None;
     for file in &files {
+        go_on(stop)?;
         let action = Npz::open(file)?.needed("action")?;
         bounds_of(&action.singles(0, action.rows()), action.width(), &mut bounds);
     }

@@ -75,7 +75,7 @@ struct Dataset {
 pub(super) fn read(source: &Path, options: &ImportOptions, out: &Path, stop: &AtomicBool) -> Result<ImportReport> {
     let dataset = Dataset::open(source)?;
     let mut report = ImportReport { ignored: dataset.ignored(), ..ImportReport::default() };
-    let (writer, spec) = dataset.begin(options, &report.ignored, out)?;
+    let (writer, spec) = dataset.begin(options, &report.ignored, out, stop)?;
     let policy = dataset.metadata.algorithm_name.clone().filter(|name| !name.is_empty());
     for place in 0..dataset.metadata.total_episodes {
         go_on(stop)?;
@@ -172,6 +172,7 @@ impl Dataset {
         options: &ImportOptions,
         ignored: &BTreeSet<String>,
         out: &Path,
+        stop: &AtomicBool,
     ) -> Result<(RecordingWriter, Spec)> {
         let name = self.name();
         if self.metadata.vibes.is_some() {
@@ -191,7 +192,7 @@ impl Dataset {
             };
             return Ok((RecordingWriter::create_or_resume(out, manifest, options.with_mcap)?, spec));
         }
-        let bounds = self.bounds()?;
+        let bounds = self.bounds(stop)?;
         let spec = self.checked(Spec {
             pixels: self.picture().and_then(Leaf::size),
             observation: self.vectors().map(|leaf| ObservationPart { name: leaf.name(), len: leaf.len() }).collect(),
@@ -222,12 +223,13 @@ impl Dataset {
     }
 
     /// The space's own bounds, or those of the data where the space has none.
-    fn bounds(&self) -> Result<ActionSpec> {
+    fn bounds(&self, stop: &AtomicBool) -> Result<ActionSpec> {
         if let Some(bounds) = self.action.bounds() {
             return Ok(bounds);
         }
         let mut bounds = None;
         for place in 0..self.metadata.total_episodes {
+            go_on(stop)?;
             let actions = self.store.episode(place).and_then(|episode| episode.array(&self.action.path));
             let actions = actions.map_err(in_episode(place))?;
             bounds_of(&actions.singles(0, actions.rows()), actions.width(), &mut bounds);

@@ -1,14 +1,14 @@
 //! Whether recordings can be joined, and whether they are parts of one. In: recordings. Out: an error that names what differs, or the header of the whole.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 use vibes_data::{Manifest, Recording, Spec};
 
 use super::merged_parts;
 use crate::error::{Error, Result};
-use crate::paths::{rebase, without_places};
+use crate::paths::{places, rebase, without_places};
 use crate::plan::{SUBSET, WHOLE};
 use crate::stored::takes_torques;
 
@@ -56,7 +56,7 @@ fn torques_of(part: &Recording) -> impl Iterator<Item = bool> + use<> {
 }
 
 /// The header of the recording that all are parts of, if they are, and no episode is in two parts with different contents. Parts that were made on different
-/// machines name their videos and policies by different paths.
+/// machines name their videos and policies by different paths; the header is that of the first part whose own are there.
 pub(super) fn same_recording(parts: &[Recording], out: &Path) -> Option<Manifest> {
     let header = |part: &Recording| -> Manifest {
         let mut options = part.manifest().options.clone();
@@ -71,17 +71,27 @@ pub(super) fn same_recording(parts: &[Recording], out: &Path) -> Option<Manifest
         header
     };
     let first = compared(&parts[0]);
-    if !parts.iter().all(|part| compared(part) == first) {
+    let places: Vec<Vec<PathBuf>> = parts.iter().map(|part| places(&part.manifest().options, part.path())).collect();
+    if !parts.iter().all(|part| compared(part) == first) || name_others(&places) {
         return None;
     }
     let mut seen: BTreeMap<u32, &str> = BTreeMap::new();
     let mut entries = parts.iter().flat_map(Recording::episodes);
     let agree = entries.all(|entry| *seen.entry(entry.index).or_insert(&entry.arrow.sha256) == entry.arrow.sha256);
     agree.then(|| {
-        let mut kept = header(&parts[0]);
-        rebase(&mut kept.options, Some(parts[0].path()), Some(out));
-        kept
+        let is_here = |places: &Vec<PathBuf>| places.iter().all(|place| place.exists());
+        let kept = &parts[places.iter().position(is_here).unwrap_or(0)];
+        let mut whole = header(kept);
+        rebase(&mut whole.options, Some(kept.path()), Some(out));
+        whole
     })
+}
+
+/// Whether two parts name different videos or policies: what lies at two places that are both there need not be the same, whatever it is called.
+fn name_others(places: &[Vec<PathBuf>]) -> bool {
+    let differ = |one: &PathBuf, other: &PathBuf| one != other && one.exists() && other.exists();
+    let pairs = places.iter().enumerate().flat_map(|(at, one)| places[at + 1..].iter().map(move |other| (one, other)));
+    pairs.into_iter().any(|(one, other)| one.iter().zip(other).any(|(one, other)| differ(one, other)))
 }
 
 /// How many episodes the recording has whose part this is, or which it is itself; none for a part that does not say.

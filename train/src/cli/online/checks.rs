@@ -72,7 +72,7 @@ impl OnlineArgs {
 }
 
 /// That the options differ from those that they were laid over in nothing that is not looked at. What merely says the same again may stand, and where a run begins from nothing what a
-/// preset has: a run's config.toml says all of its own, and not which preset that was.
+/// preset has: a config.toml that a preset wrote says all of its own, and not which preset that was. Of a run that was given its own `--updates` this is refused.
 pub(super) fn check_same(asked: &Options, base: &Options, is_gone_on_from: bool) -> Result<()> {
     let online = "online, where control steps count and a line is a round";
     let settled = "where a run is gone on from: it has that settled";

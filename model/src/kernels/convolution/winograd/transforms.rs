@@ -103,7 +103,6 @@ impl Places {
         (part / PARTS * self.tiles + row) * PARTS + part % PARTS
     }
 
-    /// The nine planes. All have the same length for the compiler too, so that one check of a place holds for all.
     /// The nine planes, three to a line. All have the same length for the compiler too, so that one check of a place holds for all.
     #[inline(always)]
     fn planes(self, numbers: &[f32]) -> [[&[Vector]; 3]; 3] {
