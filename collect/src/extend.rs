@@ -14,8 +14,9 @@ use std::sync::atomic::AtomicBool;
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use vibes_data::{EpisodeEntry, FolderLock, Grid, Manifest, Recording};
 
+use crate::keys::SUBSET;
 use crate::paths::rebase;
-use crate::plan::{RecordOptions, SUBSET, state_seed};
+use crate::plan::{RecordOptions, state_seed};
 use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, record};
 use crate::stored::{has_logs, options_of};
 use crate::trained::{acted_by, as_named};

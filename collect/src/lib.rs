@@ -10,6 +10,7 @@ pub mod distractor_trace;
 mod error;
 pub mod extend;
 pub mod frames;
+mod keys;
 mod largest;
 mod paths;
 pub mod plan;

@@ -10,7 +10,7 @@ use serde_json::Value;
 use vibes_data::{followed, followed_place, whole};
 use vibes_env::{PolicyMix, PolicySpec};
 
-use crate::plan::MERGED;
+use crate::keys::MERGED;
 
 /// The options of a recording in the folder `to`, made from those that are relative to `from`; without a `from`, from those that were typed.
 pub(crate) fn rebase(options: &mut Value, from: Option<&Path>, to: Option<&Path>) {

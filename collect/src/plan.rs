@@ -18,13 +18,6 @@ use vibes_env::render::{Look, MAX_SIZE};
 use vibes_env::videos::{MOST_VIDEOS, VideoSet, VideoSource};
 pub use vibes_env::{ChosenSeeds, distractor_seed, state_seed};
 
-/// The key of the options under which a part says what it is a part of.
-pub(crate) const SUBSET: &str = "subset";
-/// The key of what a part says under which stands how many episodes the whole has.
-pub(crate) const WHOLE: &str = "whole";
-/// The key of the options under which a merged recording says what it was made of.
-pub(crate) const MERGED: &str = "merged";
-
 /// Everything that decides what a recording holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RecordOptions {

@@ -15,7 +15,8 @@ use vibes_data::{Recording, RecordingWriter};
 
 pub use source::Source;
 
-use crate::plan::{PlannedEpisode, RecordOptions, SUBSET};
+use crate::keys::SUBSET;
+use crate::plan::{PlannedEpisode, RecordOptions};
 use crate::stored::Acted;
 use crate::studio::StudioSettings;
 use crate::trained::policy;

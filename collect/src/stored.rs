@@ -8,8 +8,9 @@ use std::path::Path;
 use serde_json::Value;
 use vibes_data::{EpisodeEntry, EpisodeInfo, EpisodeView, Manifest, Recording, sha256_hex};
 
+use crate::keys::{MERGED, SUBSET};
 use crate::paths::rebase;
-use crate::plan::{MERGED, RecordOptions, SUBSET};
+use crate::plan::RecordOptions;
 use crate::{Error, Result};
 use vibes_env::distractors::DistractorTrajectory;
 use vibes_env::{Environment, ModelOverrides, Start, StateTrajectory};

@@ -21,8 +21,8 @@ use vibes_data::{
 use self::kinship::{check_specs, same_recording, whole_of};
 use super::{NEVER, NewFolder, go_on};
 use crate::error::{Error, Result};
+use crate::keys::{MERGED, SUBSET, WHOLE};
 use crate::paths::rebase;
-use crate::plan::{MERGED, SUBSET, WHOLE};
 
 /// One of the recordings that a merged one was made of: what it takes to simulate and draw its episodes again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -11,8 +11,8 @@ use vibes_data::{EpisodeEntry, FileTransfer, Manifest, Recording, RecordingWrite
 
 use super::{NEVER, NewFolder, go_on};
 use crate::error::{Error, Result};
+use crate::keys::{SUBSET, WHOLE};
 use crate::paths::rebase;
-use crate::plan::{SUBSET, WHOLE};
 
 /// Which episodes are kept: those that pass every test that is given.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -8,7 +8,8 @@ use std::path::Path;
 
 use vibes_data::{Episode, EpisodeEntry, EpisodeInfo, Recording, Video};
 
-use crate::plan::{PlannedEpisode, RecordOptions, SUBSET};
+use crate::keys::SUBSET;
+use crate::plan::{PlannedEpisode, RecordOptions};
 use crate::stored::{Acted, distractors_of, info_of, is_intact, states_of};
 use crate::{Error, Result};
 use vibes_env::distractors::DistractorTrajectory;

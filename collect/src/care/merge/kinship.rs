@@ -8,8 +8,8 @@ use vibes_data::{Manifest, Recording, Spec};
 
 use super::merged_parts;
 use crate::error::{Error, Result};
+use crate::keys::{SUBSET, WHOLE};
 use crate::paths::{places, rebase, without_places};
-use crate::plan::{SUBSET, WHOLE};
 use crate::stored::takes_torques;
 
 /// That there are two recordings or more, of one spec, and that their actions mean the same.
