@@ -70,16 +70,11 @@ impl BenchArgs {
     /// The model's options. What says how long a run is and how it is saved may stand, as a run's config.toml has it, but not what it sees: pictures are timed.
     fn model(&self) -> Result<Options> {
         let options = if self.recipe { self.options.resolve() } else { self.options.resolve_plain() }?;
-        match options.first_changed(&Options::preset(self.options.preset())?, &["observations"]) {
-            None => Ok(options),
-            Some(key) => {
-                let text = format!(
-                    "--{} has no effect where updates on pictures are timed; leave it out",
-                    key.replace('_', "-")
-                );
-                Err(TrainError::Options(text).into())
-            }
+        if options.first_changed(&Options::preset(self.options.preset())?, &["observations"]).is_some() {
+            let text = "--observations has no effect where updates on pictures are timed; leave it out";
+            return Err(TrainError::Options(text.to_owned()).into());
         }
+        Ok(options)
     }
 }
 

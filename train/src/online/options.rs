@@ -454,15 +454,20 @@ mod tests {
         assert_eq!(manifest.options["videos"]["folder"], "../../../films");
     }
 
-    #[test]
-    fn random_episodes_pay_for_no_updates() {
-        let options = OnlineOptions {
+    /// Ten episodes, five of them random, and 200 updates before the first of the others.
+    fn of_ten_episodes() -> OnlineOptions {
+        OnlineOptions {
             control_steps: 10_000,
             prefill: 5,
             first_updates: 200,
             rows_per_step: 64.0,
             ..default_options(default_world("cartpole-swingup").unwrap(), false)
-        };
+        }
+    }
+
+    #[test]
+    fn random_episodes_pay_for_no_updates() {
+        let options = of_ten_episodes();
         assert_eq!(options.whole_updates(128, false), 200 + (10_000 / 8 - 6 * 125) / 2);
         assert_eq!(
             OnlineOptions { prefill: 0, ..options.clone() }.whole_updates(128, true),
@@ -474,13 +479,7 @@ mod tests {
 
     #[test]
     fn an_actor_that_would_never_move_is_refused_where_that_was_asked_for() {
-        let options = OnlineOptions {
-            control_steps: 10_000,
-            prefill: 5,
-            first_updates: 200,
-            rows_per_step: 64.0,
-            ..default_options(default_world("cartpole-swingup").unwrap(), false)
-        };
+        let options = of_ten_episodes();
         assert_eq!(options.whole_updates(128, false), 450);
         let held = |critic_first| OnlineOptions { critic_first, ..options.clone() }.check_actor_moves(128, false);
         held(449).unwrap();

@@ -71,16 +71,16 @@ pub(super) fn same_recording(parts: &[Recording], out: &Path) -> Option<Manifest
         header
     };
     let first = compared(&parts[0]);
-    let places: Vec<Vec<PathBuf>> = parts.iter().map(|part| places(&part.manifest().options, part.path())).collect();
-    if !parts.iter().all(|part| compared(part) == first) || name_others(&places) {
+    let named: Vec<Vec<PathBuf>> = parts.iter().map(|part| places(&part.manifest().options, part.path())).collect();
+    if !parts.iter().all(|part| compared(part) == first) || name_others(&named) {
         return None;
     }
     let mut seen: BTreeMap<u32, &str> = BTreeMap::new();
     let mut entries = parts.iter().flat_map(Recording::episodes);
     let agree = entries.all(|entry| *seen.entry(entry.index).or_insert(&entry.arrow.sha256) == entry.arrow.sha256);
     agree.then(|| {
-        let is_here = |places: &Vec<PathBuf>| places.iter().all(|place| place.exists());
-        let kept = &parts[places.iter().position(is_here).unwrap_or(0)];
+        let is_here = |named: &Vec<PathBuf>| named.iter().all(|place| place.exists());
+        let kept = &parts[named.iter().position(is_here).unwrap_or(0)];
         let mut whole = header(kept);
         rebase(&mut whole.options, Some(kept.path()), Some(out));
         whole
@@ -88,10 +88,11 @@ pub(super) fn same_recording(parts: &[Recording], out: &Path) -> Option<Manifest
 }
 
 /// Whether two parts name different videos or policies: what lies at two places that are both there need not be the same, whatever it is called.
-fn name_others(places: &[Vec<PathBuf>]) -> bool {
+fn name_others(named: &[Vec<PathBuf>]) -> bool {
     let differ = |one: &PathBuf, other: &PathBuf| one != other && one.exists() && other.exists();
-    let pairs = places.iter().enumerate().flat_map(|(at, one)| places[at + 1..].iter().map(move |other| (one, other)));
-    pairs.into_iter().any(|(one, other)| one.iter().zip(other).any(|(one, other)| differ(one, other)))
+    let mut pairs =
+        named.iter().enumerate().flat_map(|(at, one)| named[at + 1..].iter().map(move |other| (one, other)));
+    pairs.any(|(one, other)| one.iter().zip(other).any(|(one, other)| differ(one, other)))
 }
 
 /// How many episodes the recording has whose part this is, or which it is itself; none for a part that does not say.

@@ -119,7 +119,7 @@ impl Layer {
 
     /// Numbers of one of a cell's two lines: two pixels.
     #[inline(always)]
-    pub(super) fn cell_line(&self) -> usize {
+    pub(super) fn cell_line_len(&self) -> usize {
         2 * self.input_stride()
     }
 

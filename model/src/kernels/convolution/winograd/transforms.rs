@@ -129,7 +129,7 @@ pub(super) fn factors<V: Lanes>(proof: V::Proof, layer: &Layer, frames: usize, i
     let places = Places::of(frames * layer.tiles(), layer.cell_width());
     let planes = places.planes_mut(factors);
     let tiles: Vec<_> = (0..layer.tiles()).map(|tile| layer.cells(tile)).collect();
-    let parts = layer.cell_line() / LANES;
+    let parts = layer.cell_line_len() / LANES;
     let beyond = vec![[0.0; LANES]; parts];
     for (frame, input) in input.chunks_exact(layer.input_len()).take(frames).enumerate() {
         for (tile, cells) in tiles.iter().enumerate() {
@@ -244,7 +244,7 @@ pub(super) fn input_gradients<V: Lanes>(
     let places = Places::of(frames * layer.tiles(), layer.cell_width());
     let planes = places.planes(spread);
     let tiles: Vec<_> = (0..layer.tiles()).map(|tile| (layer.cells(tile), layer.is_begun(tile))).collect();
-    let parts = layer.cell_line() / LANES;
+    let parts = layer.cell_line_len() / LANES;
     for (frame, gradient) in gradient.chunks_exact_mut(layer.input_len()).take(frames).enumerate() {
         let gradient = vectors_mut(gradient);
         for (tile, (cells, [above, left])) in tiles.iter().enumerate() {
