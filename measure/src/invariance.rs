@@ -10,6 +10,7 @@
 
 mod denoising;
 mod grid;
+mod holes;
 mod retrieval;
 mod variance;
 

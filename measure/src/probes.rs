@@ -13,8 +13,9 @@
 //! question: ten state trajectories are too few to fit on. Otherwise, and always for classes (another recording shows other videos), the table's own
 //! trajectories are cut into five folds and every row is judged by a probe fitted on the other folds ([`Fit::HeldOut`]). A score says which it was ([`Fitting`]).
 //!
-//! Beside each score stands the same probe's on shuffled quantities (fitted on each trajectory's latents with another's quantities): what the number is
-//! worth. The action-only control is the same call on the table of [`past_action_features`](crate::past_actions::past_action_features).
+//! Beside each score stands the same probe's on shuffled quantities (fitted on each trajectory's latents with another's quantities; on each cell's with another cell's
+//! where the quantity may be the distractor's): what the number is worth. The action-only control is the same call on the table of
+//! [`past_action_features`](crate::past_actions::past_action_features).
 
 mod deal;
 mod held_out;
@@ -144,7 +145,8 @@ pub fn probe(
         check_alike(judged, fitted)?;
     }
     let mut scores: Vec<Option<[ProbeScore; 2]>> = vec![None; judged.quantities.len()];
-    for hold_out in [HoldOut::State, HoldOut::Episode, HoldOut::Distractor] {
+    // What the user asks for comes last, so that it changes nothing that is drawn for the others.
+    for hold_out in [HoldOut::State, HoldOut::Episode, HoldOut::Distractor, HoldOut::StateOfUnknown] {
         for classes in [false, true] {
             let belongs = |quantity: &Quantity| {
                 quantity.hold_out == hold_out && classes == matches!(quantity.values, Values::Classes(_))

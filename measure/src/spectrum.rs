@@ -30,15 +30,37 @@ pub fn spectrum(rows: &[f32], dims: usize) -> Result<Spectrum, Error> {
     moments.spectrum()
 }
 
-/// The effective rank of a grid's latents over all rows, with an interval over state and distractor trajectories (see [`crossed`]).
+/// The effective rank of a grid's latents over all rows, with an interval over state and distractor trajectories (see [`crossed`]). As everywhere there is none
+/// with fewer than three states or distractors, nor where nothing varies without one of them.
 ///
 /// # Errors
 /// The eigenvalues were not found.
 pub fn effective_rank(grid: &Grid<'_>) -> Result<Interval, Error> {
+    let [of_state, of_distractor] = moments(grid);
+    let mut whole = Moments::zero(grid.table().dims());
+    of_state.iter().for_each(|own| whole.merge(own, 1.0));
+    let rounding = ROUNDING * whole.squares();
+    let one = |part: &Moments| -> Result<f64, Error> {
+        let mut left = whole.clone();
+        left.merge(part, -1.0);
+        let found = left.spectrum()?;
+        // Nothing has no rank, and what rounding leaves of nothing has one of anything.
+        Ok(if found.variance > rounding { found.effective_rank } else { f64::NAN })
+    };
+    let without = |parts: &[Moments]| parts.iter().map(one).collect::<Result<Vec<f64>, Error>>();
+    let (by_state, by_distractor) = (without(&of_state)?, without(&of_distractor)?);
+    let rank = crossed(whole.spectrum()?.effective_rank, [&by_state, &by_distractor], Range::Positive);
+    Ok(within_bounds(rank, grid.table().dims()))
+}
+
+/// What is left of a grid without one of its trajectories varies by more than this share of the whole's squares, or not at all.
+const ROUNDING: f64 = 1e-12;
+
+/// The sums of each state trajectory, and those of each distractor trajectory.
+fn moments(grid: &Grid<'_>) -> [Vec<Moments>; 2] {
     let table = grid.table();
-    let (states, distractors) = (grid.states().len(), grid.distractors().len());
     let zeros = |count: usize| vec![Moments::zero(table.dims()); count];
-    let (mut whole, mut of_state, mut of_distractor) = (Moments::zero(table.dims()), zeros(states), zeros(distractors));
+    let (mut of_state, mut of_distractor) = (zeros(grid.states().len()), zeros(grid.distractors().len()));
     let centre = table.row(grid.row(0, 0, 0));
     for (state, own) in of_state.iter_mut().enumerate() {
         for (distractor, of_distractor) in of_distractor.iter_mut().enumerate() {
@@ -47,21 +69,17 @@ pub fn effective_rank(grid: &Grid<'_>) -> Result<Interval, Error> {
             own.merge(&cell, 1.0);
             of_distractor.merge(&cell, 1.0);
         }
-        whole.merge(own, 1.0);
     }
-    let without = |parts: &[Moments]| -> Result<Vec<f64>, Error> {
-        let one = |part: &Moments| {
-            let mut left = whole.clone();
-            left.merge(part, -1.0);
-            Ok(left.spectrum()?.effective_rank)
-        };
-        parts.iter().map(one).collect()
-    };
-    let (by_state, by_distractor) = (without(&of_state)?, without(&of_distractor)?);
-    let rank = crossed(whole.spectrum()?.effective_rank, [&by_state, &by_distractor], Range::Positive);
-    // No rank is below 1 or above the number of dimensions.
-    let (low, high) = (rank.low.max(rank.estimate.min(1.0)), rank.high.min((table.dims() as f64).max(rank.estimate)));
-    Ok(Interval { low, high, ..rank })
+    [of_state, of_distractor]
+}
+
+/// No rank is below 1 or above the number of dimensions. No interval stays none: `max` and `min` would make an end of one that is not a number.
+fn within_bounds(rank: Interval, dims: usize) -> Interval {
+    if rank.low.is_nan() || rank.high.is_nan() {
+        return rank;
+    }
+    let (least, most) = (rank.estimate.min(1.0), rank.estimate.max(dims as f64));
+    Interval { low: rank.low.max(least), high: rank.high.min(most), ..rank }
 }
 
 /// Sums over rows, less a point among them so that the squares keep their digits.
@@ -93,6 +111,11 @@ impl Moments {
         self.products.scaled_add(sign, &other.products);
     }
 
+    /// The mean square of a row about the point that was taken off.
+    fn squares(&self) -> f64 {
+        self.products.diag().sum() / self.count.max(1.0)
+    }
+
     fn spectrum(&self) -> Result<Spectrum, Error> {
         let failed = |reason: String| Error::Linear { what: "the effective rank", reason };
         let count = self.count.max(1.0);
@@ -104,7 +127,7 @@ impl Moments {
             return Err(failed("values that are not finite".to_owned()));
         }
         // Beside the size of the values, whatever their unit is: what is left is rounding.
-        if variance <= 1e-14 * (&self.products.diag() / count).sum() {
+        if variance <= 1e-14 * self.squares() {
             return Ok(Spectrum { effective_rank: 0.0, variance: 0.0 });
         }
         let values = covariance.eigvalsh().map_err(|source| failed(source.to_string()))?;
@@ -115,7 +138,53 @@ impl Moments {
 
 #[cfg(test)]
 mod tests {
-    use super::spectrum;
+    use super::{effective_rank, spectrum};
+    use crate::Table;
+    use crate::intervals::Interval;
+    use crate::invariance::Grid;
+
+    /// The effective rank of a grid of four steps whose latent is `latent(state, distractor, step)`.
+    fn rank(states: u32, distractors: u32, latent: impl Fn(u32, u32, u32) -> [f32; 3]) -> Interval {
+        let rows = 0..states * distractors * 4;
+        let keys: Vec<[u32; 3]> = rows.map(|row| [row / (distractors * 4), row / 4 % distractors, row % 4]).collect();
+        let values: Vec<f32> = keys.iter().flat_map(|&[i, j, t]| latent(i, j, t)).collect();
+        let episode: Vec<u32> = keys.iter().map(|&[i, j, _]| i * distractors + j).collect();
+        let step: Vec<u32> = keys.iter().map(|key| key[2]).collect();
+        let [state, distractor] = [0, 1].map(|part| keys.iter().map(|key| Some(key[part])).collect::<Vec<_>>());
+        let table = Table::new(3, &values, &episode, &step).unwrap().with_grid(&state, &distractor).unwrap();
+        effective_rank(&Grid::new(table).unwrap()).unwrap()
+    }
+
+    /// A latent in which state, distractor and step each move a dimension, and a little of the others.
+    fn mixed(i: u32, j: u32, t: u32) -> [f32; 3] {
+        let [i, j, t] = [i, j, t].map(|x| x as f32);
+        [(1.3 * i).sin() + 0.1 * j, (2.1 * j).cos() - 0.1 * i * t, (0.7 * t + i).sin() + 0.2 * j]
+    }
+
+    #[test]
+    fn a_rank_of_two_states_or_distractors_has_no_interval() {
+        for (states, distractors) in [(2, 3), (3, 2), (2, 2), (2, 9)] {
+            let found = rank(states, distractors, mixed);
+            assert!(found.estimate > 1.0 && found.estimate < 3.0, "{found:?}");
+            assert!(found.low.is_nan() && found.high.is_nan(), "{states} x {distractors}: {found:?}");
+        }
+        let found = rank(5, 4, mixed);
+        assert!(1.0 <= found.low && found.low < found.estimate, "{found:?}");
+        assert!(found.estimate < found.high && found.high <= 3.0, "{found:?}");
+    }
+
+    /// In a unit that single precision has exactly and in one of which the sums leave rounding.
+    #[test]
+    fn a_rank_that_rests_on_one_trajectory_has_no_interval() {
+        for unit in [1.0_f32, 0.1] {
+            let of_state =
+                rank(4, 4, |i, j, t| if i == 1 { mixed(j, i, t).map(|x| unit * x) } else { [0.7 * unit; 3] });
+            let of_distractor = rank(4, 4, |i, j, t| if j == 0 { mixed(i, j, t) } else { [unit, 0.3, -unit] });
+            for found in [of_state, of_distractor] {
+                assert!(found.estimate > 1.0 && found.low.is_nan() && found.high.is_nan(), "{unit}: {found:?}");
+            }
+        }
+    }
 
     #[test]
     fn rank_counts_the_directions_that_vary() {

@@ -8,11 +8,12 @@
 //! |---|---|---|---|
 //! | `symmetry_ratio` | mean latent distance of rotated pairs over that of rows whose pictures are as far apart | 0 | 1 |
 //! | `symmetry_percentile` | of the rows whose pictures are about as far away, the share that the latent puts farther away than the rotated twin (ties count half) | 1 | 0.5 |
-//! | `symmetry_percentile_equal_distance` | the same among rows whose target is equally far from the fingertip, to the centimetre | 1 | 0.5 |
+//! | `symmetry_percentile_equal_distance` | the same among rows whose target is as far from the fingertip as the twin's, to the centimetre | 1 | 0.5 |
 //!
 //! Two controls belong beside them, the same numbers of other tables. Features of past actions: a recording that was turned and drawn again keeps its actions, so
 //! that an encoder that sees only those has a ratio of 0. The distance to the target alone ([`ReacherState::distance_table`]): it is the same after
-//! any turn, so its ratio is 0 too, but among rows of equal distance it tells nothing apart and its percentile is 0.5.
+//! any turn, so its ratio is 0 too where rotations were made (a twin that was found in the data is a rotation within the tolerance, and may be a centimetre or two
+//! nearer or farther). Either way it does not tell the twin from rows whose target is as far as the twin's, so that its percentile among those is 0.5.
 
 use std::collections::BTreeMap;
 
@@ -134,7 +135,7 @@ pub struct SymmetricPair {
     pub matched_image: f64,
     /// Share of the rows that look about as different whose latent is farther away than the rotation's.
     pub percentile: f64,
-    /// The same among rows of equal distance to the target; none if there are none.
+    /// The same among rows whose target is as far from the fingertip as the rotation's; none if there are none.
     pub percentile_equal_distance: Option<f64>,
 }
 
@@ -145,7 +146,7 @@ pub struct Symmetry {
     pub ratio: Interval,
     /// `symmetry_percentile`.
     pub percentile: Interval,
-    /// `symmetry_percentile_equal_distance`; NaN if no row has equals.
+    /// `symmetry_percentile_equal_distance`; NaN if no twin has equals.
     pub percentile_equal_distance: Interval,
     /// The pairs.
     pub pairs: Vec<SymmetricPair>,
@@ -207,7 +208,7 @@ struct Match {
     image: f64,
     /// Rows whose pictures are about as far away, the nearest to the pair's picture distance first, with that distance.
     alike: Vec<(usize, f64)>,
-    /// Rows of equal distance to the target.
+    /// Rows whose target is as far from the fingertip as the twin's.
     equal: Vec<usize>,
 }
 
@@ -241,7 +242,8 @@ pub fn matches(
         let other = |&other: &usize| other != rotated && table.episode()[other] != table.episode()[row];
         let random: Vec<usize> =
             (0..options.candidates.max(1)).map(|_| rng.random_range(0..rows)).filter(other).collect();
-        let bin = &by_distance[&states[row].distance()];
+        // The twin's distance, which differs from the row's by up to the tolerance: what knows the distance alone tells no twin from rows of the same.
+        let bin = &by_distance[&states[rotated].distance()];
         let equal = sample(rng, bin.len(), bin.len().min(options.candidates)).into_iter().map(|at| bin[at]);
         let equal: Vec<usize> = equal.filter(other).collect();
         drawn.push((row, rotated, random, equal));
@@ -333,77 +335,4 @@ pub fn symmetry(
 }
 
 #[cfg(test)]
-mod tests {
-    use rand::{Rng, SeedableRng};
-    use rand_chacha::ChaCha8Rng;
-
-    use super::{ReacherState, SymmetryOptions, matches, rotated_pairs, symmetry};
-    use crate::{Error, Table};
-
-    /// Episodes 0 to 19 hold random states, 20 to 39 the same turned by 2 radians.
-    fn states() -> Vec<ReacherState> {
-        let mut rng = ChaCha8Rng::seed_from_u64(0);
-        let mut random = |_| {
-            let mut draw = |scale: f64| rng.random_range(-scale..scale);
-            ReacherState { joints: [draw(3.0), draw(2.0)], target: [draw(0.2), draw(0.2)] }
-        };
-        let plain: Vec<ReacherState> = (0..400).map(&mut random).collect();
-        let (sin, cos) = 2.0_f64.sin_cos();
-        let turn = |state: &ReacherState| {
-            let [x, y] = state.target;
-            ReacherState {
-                joints: [state.joints[0] + 2.0, state.joints[1]],
-                target: [cos * x - sin * y, sin * x + cos * y],
-            }
-        };
-        let turned: Vec<ReacherState> = plain.iter().map(turn).collect();
-        [plain, turned].concat()
-    }
-
-    #[test]
-    fn an_invariant_latent_is_symmetric_and_an_absolute_one_is_not() {
-        let states = states();
-        let episode: Vec<u32> = (0..800).map(|row| row / 20).collect();
-        let step: Vec<u32> = (0..800).map(|row| row % 20).collect();
-        let invariant: Vec<f32> = states.iter().flat_map(|state| state.in_arm_frame()).collect();
-        let absolute: Vec<f32> = states
-            .iter()
-            .flat_map(|state| {
-                [
-                    state.joints[0].cos() as f32,
-                    state.joints[0].sin() as f32,
-                    state.target[0] as f32,
-                    state.target[1] as f32,
-                ]
-            })
-            .collect();
-        // Without a scale of its own, the absolute latent is as far apart as its picture.
-        let metric = crate::neighbours::Metric::Euclidean;
-        let options = SymmetryOptions { tolerance: 1e-6, metric, ..SymmetryOptions::default() };
-        let picture = |a: usize, b: usize| {
-            (0..4).map(|dim| f64::from(absolute[a * 4 + dim] - absolute[b * 4 + dim]).powi(2)).sum::<f64>().sqrt()
-        };
-        let run = |dims: usize, values: &[f32]| {
-            let table = Table::new(dims, values, &episode, &step).unwrap();
-            let rng = &mut ChaCha8Rng::seed_from_u64(1);
-            let pairs = rotated_pairs(&table, &states, options, rng).unwrap();
-            assert_eq!(pairs.len(), 500);
-            assert!(pairs.iter().all(|&(a, b)| a.abs_diff(b) == 400));
-            let drawn = matches(&table, &states, &pairs, picture, options, rng).unwrap();
-            symmetry(&table, &drawn, options, rng).unwrap()
-        };
-        let symmetric = run(4, &invariant);
-        assert!(symmetric.ratio.high < 1e-5 && symmetric.percentile.estimate == 1.0, "{:?}", symmetric.ratio);
-        assert_eq!(symmetric.percentile_equal_distance.estimate, 1.0);
-        let absolute = run(4, &absolute);
-        assert!((absolute.ratio.estimate - 1.0).abs() < 0.1, "{:?}", absolute.ratio);
-        assert!((absolute.percentile.estimate - 0.5).abs() < 0.1, "{:?}", absolute.percentile);
-        // The distance alone looks symmetric to the ratio, and is found out among rows of equal distance.
-        let distance = run(1, &ReacherState::distance_table(&states));
-        assert_eq!((distance.ratio.estimate, distance.percentile_equal_distance.estimate), (0.0, 0.5));
-        let table = Table::new(4, &invariant, &episode, &step).unwrap();
-        let none = SymmetryOptions { turn: 4.0, ..options };
-        let refused = rotated_pairs(&table, &states, none, &mut ChaCha8Rng::seed_from_u64(1));
-        assert!(matches!(refused, Err(Error::NoRotations { .. })));
-    }
-}
+mod tests;

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
+use super::holes::complete_part;
 use crate::{Error, Table};
 
 /// A complete grid: every state trajectory under every distractor trajectory, over the steps all cells have.
@@ -66,35 +67,22 @@ impl<'a> Grid<'a> {
     /// # Errors
     /// As [`Grid::new`], if fewer than two states or distractors remain.
     pub fn of_complete_part(table: Table<'a>) -> Result<Self, Error> {
-        let (cells, mut states, mut distractors) = cells(&table)?;
-        // Known at once of views, each under a distractor of its own; to leave out one of thousands after the other would take hours.
+        let (cells, states, distractors) = cells(&table)?;
+        // As of views, each under a distractor of its own: nothing complete has two states, and to name the thousands that were left out would say less.
         if states.len() > 1 && cells.len() == distractors.len() {
             let what = "the invariance split: states under one distractor";
             return Err(Error::TooFewRows { what, needed: 2, found: 1 });
         }
-        let mut dropped = Dropped::default();
-        loop {
-            let missing = missing(&cells, &states, &distractors);
-            let count = |of: &dyn Fn(&(u32, u32)) -> bool| missing.iter().filter(|cell| of(cell)).count();
-            let worst = |lines: &[u32], length: usize, of: &dyn Fn(&(u32, u32)) -> u32| {
-                let shares = lines.iter().map(|&line| (count(&|cell| of(cell) == line) as f64 / length as f64, line));
-                shares.fold((0.0, 0), |worst, next| if next.0 > worst.0 { next } else { worst })
-            };
-            let state = worst(&states, distractors.len(), &|cell| cell.0);
-            let distractor = worst(&distractors, states.len(), &|cell| cell.1);
-            if missing.is_empty() {
-                dropped.states.sort_unstable();
-                dropped.distractors.sort_unstable();
-                return Self::of_cells(table, &cells, states, distractors, dropped);
-            }
-            if state.0 >= distractor.0 {
-                states.retain(|&other| other != state.1);
-                dropped.states.push(state.1);
-            } else {
-                distractors.retain(|&other| other != distractor.1);
-                dropped.distractors.push(distractor.1);
-            }
-        }
+        let [kept_states, kept_distractors] = complete_part(cells.keys().copied(), &states, &distractors);
+        let others = |lines: &[u32], kept: &[u32]| -> Vec<u32> {
+            lines.iter().copied().filter(|line| kept.binary_search(line).is_err()).collect()
+        };
+        let dropped = Dropped {
+            states: others(&states, &kept_states),
+            distractors: others(&distractors, &kept_distractors),
+            steps: 0,
+        };
+        Self::of_cells(table, &cells, kept_states, kept_distractors, dropped)
     }
 
     fn of_cells(
@@ -104,13 +92,7 @@ impl<'a> Grid<'a> {
         distractors: Vec<u32>,
         mut dropped: Dropped,
     ) -> Result<Self, Error> {
-        for (what, found) in
-            [("the invariance split: states", states.len()), ("the invariance split: distractors", distractors.len())]
-        {
-            if found < 2 {
-                return Err(Error::TooFewRows { what, needed: 2, found });
-            }
-        }
+        check_lines(&states, &distractors, &dropped)?;
         let kept = || states.iter().flat_map(|&state| distractors.iter().map(move |&distractor| (state, distractor)));
         let mut count: BTreeMap<u32, usize> = BTreeMap::new();
         for cell in kept() {
@@ -184,6 +166,25 @@ fn cells(table: &Table<'_>) -> Result<(Cells, Vec<u32>, Vec<u32>), Error> {
     let states: BTreeSet<u32> = cells.keys().map(|&(state, _)| state).collect();
     let distractors: BTreeSet<u32> = cells.keys().map(|&(_, distractor)| distractor).collect();
     Ok((cells, states.into_iter().collect(), distractors.into_iter().collect()))
+}
+
+/// That there are two lines of each kind; if not, whether they were left out of a grid with holes.
+fn check_lines(states: &[u32], distractors: &[u32], dropped: &Dropped) -> Result<(), Error> {
+    let is_whole = dropped.states.is_empty() && dropped.distractors.is_empty();
+    let [of_states, of_distractors] = if is_whole {
+        ["the invariance split: states", "the invariance split: distractors"]
+    } else {
+        [
+            "the invariance split of a grid with holes: states that are left once none lacks a cell",
+            "the invariance split of a grid with holes: distractors that are left once none lacks a cell",
+        ]
+    };
+    for (what, found) in [(of_states, states.len()), (of_distractors, distractors.len())] {
+        if found < 2 {
+            return Err(Error::TooFewRows { what, needed: 2, found });
+        }
+    }
+    Ok(())
 }
 
 fn missing(cells: &Cells, states: &[u32], distractors: &[u32]) -> Vec<(u32, u32)> {

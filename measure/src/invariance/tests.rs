@@ -287,6 +287,13 @@ fn holes_are_an_error_or_leave_out_their_states() {
     }
     let grid = Grid::of_complete_part(diagonal.table()).unwrap();
     assert_eq!((grid.states().len(), grid.distractors().len()), (3, 3));
+    // One of four cells: a state goes, and what is left is no grid. The error says why there is one state of two.
+    let mut square = Rows::new(2, 2, 2, |i, j, t| vec![i as f32, j as f32, t as f32]);
+    square.state[7] = None;
+    square.state[6] = None;
+    let error = Grid::of_complete_part(square.table()).unwrap_err();
+    assert!(matches!(error, Error::TooFewRows { needed: 2, found: 1, .. }));
+    assert!(error.to_string().contains("a grid with holes: states that are left once none lacks a cell"), "{error}");
     let no_grid = Table::new(3, &full.values, &full.episode, &full.step).unwrap();
     assert!(matches!(Grid::new(no_grid), Err(Error::NoGrid)));
     let row = Rows::new(1, 3, 5, |_, j, t| vec![j as f32, t as f32]);

@@ -11,7 +11,7 @@ use crate::{Error, Table};
 pub(super) fn groups(table: &Table<'_>, hold_out: HoldOut) -> Result<Vec<u32>, Error> {
     let cells: Option<Vec<(u32, u32)>> = (0..table.rows()).map(|row| table.cell(row)).collect();
     match (hold_out, cells) {
-        (HoldOut::State, _) => Ok(table.state_trajectories()),
+        (HoldOut::State | HoldOut::StateOfUnknown, _) => Ok(table.state_trajectories()),
         (HoldOut::Distractor, Some(cells)) => Ok(number(&cells.iter().map(|cell| cell.1).collect::<Vec<u32>>())),
         (HoldOut::Distractor, None) => Err(Error::NoGrid),
         (HoldOut::Episode, _) => Ok(number(table.episode())),

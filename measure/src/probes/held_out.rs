@@ -26,8 +26,8 @@ pub(super) fn within(
     let means = targets.means();
     let targets = targets.less(&means);
     let classes = matches!(judged.quantities[0].values, Values::Classes(_));
-    // The cells of two states lie in the same order: given another state's, every cell would keep the class of its own distractor.
-    let shuffled = if classes {
+    // The cells of two states lie in the same order: given another state's, every cell would keep what is its own distractor's.
+    let shuffled = if classes || hold_out == HoldOut::StateOfUnknown {
         let (cells, count) = cells(table);
         targets.shuffled(&cells, count, rng)
     } else {
@@ -66,7 +66,7 @@ pub(super) fn fitted_elsewhere(
     let by_state = theirs.shuffled(&groups, count, rng);
     let (of_fitted, fitted_cells) = cells(&fitted.table);
     let by_cell = theirs.shuffled(&of_fitted, fitted_cells, rng);
-    // What is the distractor's differs between the cells of a state, and is the same in those of one distractor.
+    // What is the distractor's, or may be, differs between the cells of a state, and is the same in those of one distractor.
     let shuffled = by_state.with_from(&by_cell, |at| fitted.quantities[at].hold_out != HoldOut::State || count < 2);
     let linear = |theirs: &Targets| {
         let values = ridge::predict_elsewhere(&fitted.table, theirs, &deal, &judged.table)?;

@@ -17,6 +17,9 @@ pub enum HoldOut {
     Episode,
     /// Distractor trajectories: whether a distractor's parameters can be read from one never seen.
     Distractor,
+    /// As [`HoldOut::State`], of a quantity of which nobody knows whether it is the state's or a distractor's, such as a column of a user's: what is shuffled goes
+    /// from cell to cell, because every cell would keep its own distractor's value if it were given another state's.
+    StateOfUnknown,
 }
 
 impl HoldOut {

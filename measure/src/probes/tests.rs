@@ -300,22 +300,48 @@ fn how_far_from_0_a_quantity_lies_does_not_matter() {
     assert!(find(&moved, "unread", Probe::Linear).score.estimate < 0.05);
 }
 
+/// A grid of 6 states under 5 distractors whose latents say which distractor a row is under, and no more.
+struct Videos {
+    values: Vec<f32>,
+    episode: Vec<u32>,
+    step: Vec<u32>,
+    state: Vec<Option<u32>>,
+    distractor: Vec<Option<u32>>,
+    /// Of each row.
+    video: Vec<u32>,
+}
+
+impl Videos {
+    fn new() -> Self {
+        let (states, distractors, steps) = (6_u32, 5_u32, 12_u32);
+        let rows = states * distractors * steps;
+        let mut rng = generator(4);
+        let values = (0..rows)
+            .flat_map(|row| (0..distractors).map(move |dim| f32::from(u8::from(dim == row / steps % distractors))))
+            .map(|x| x + rng.random_range(-0.1..0.1))
+            .collect();
+        let keys = |of: &dyn Fn(u32) -> u32| (0..rows).map(of).collect::<Vec<u32>>();
+        let some = |of: &dyn Fn(u32) -> u32| (0..rows).map(|row| Some(of(row))).collect::<Vec<_>>();
+        Self {
+            values,
+            episode: keys(&|row| row / steps),
+            step: keys(&|row| row % steps),
+            state: some(&|row| row / (distractors * steps)),
+            distractor: some(&|row| row / steps % distractors),
+            video: keys(&|row| row / steps % distractors),
+        }
+    }
+
+    fn table(&self) -> Table<'_> {
+        let table = Table::new(5, &self.values, &self.episode, &self.step).unwrap();
+        table.with_grid(&self.state, &self.distractor).unwrap()
+    }
+}
+
 #[test]
 fn shuffled_quantities_of_a_distractor_are_not_its_own() {
-    let (states, distractors, steps) = (6, 5, 12);
-    let rows = states * distractors * steps;
-    let cell = |row: usize| (row / (distractors * steps), row / steps % distractors);
-    let mut rng = generator(4);
-    let values: Vec<f32> = (0..rows)
-        .flat_map(|row| (0..distractors).map(move |dim| f32::from(u8::from(dim == cell(row).1))))
-        .map(|x| x + rng.random_range(-0.1..0.1))
-        .collect();
-    let keys = |of: &dyn Fn(usize) -> usize| (0..rows).map(|row| of(row) as u32).collect::<Vec<u32>>();
-    let (episode, step) = (keys(&|row| row / steps), keys(&|row| row % steps));
-    let some = |keys: Vec<u32>| keys.into_iter().map(Some).collect::<Vec<_>>();
-    let (state, distractor) = (some(keys(&|row| cell(row).0)), some(keys(&|row| cell(row).1)));
-    let table = Table::new(distractors, &values, &episode, &step).unwrap().with_grid(&state, &distractor).unwrap();
-    let video = keys(&|row| cell(row).1);
+    let rows = Videos::new();
+    let (table, video) = (rows.table(), &rows.video);
     let shown = Quantity { name: "video".to_owned(), hold_out: HoldOut::State, values: Values::Classes(video.clone()) };
     let frame = Quantity {
         name: "frame".to_owned(),
@@ -327,5 +353,38 @@ fn shuffled_quantities_of_a_distractor_are_not_its_own() {
     let elsewhere = probe(sample, Fit::On(sample), ProbeOptions::default(), &mut generator(5)).unwrap();
     for score in scores.iter().chain(&elsewhere) {
         assert!(score.score.estimate > 0.95 && score.shuffled.estimate < 0.6, "{score:?}");
+    }
+}
+
+/// A column of a user's may be the distractor's, and is held out by state: another state's cells hold the same values in the same order.
+#[test]
+fn shuffled_columns_of_unknown_origin_are_not_their_own() {
+    let rows = Videos::new();
+    let column = Quantity {
+        hold_out: HoldOut::StateOfUnknown,
+        ..numbers("column", rows.video.iter().map(|&video| f64::from(video)))
+    };
+    let sample = Sample { table: rows.table(), quantities: std::slice::from_ref(&column) };
+    for fit in [Fit::HeldOut, Fit::On(sample)] {
+        for score in probe(sample, fit, ProbeOptions::default(), &mut generator(5)).unwrap() {
+            assert!(score.score.estimate > 0.95 && score.shuffled.estimate < 0.6, "{score:?}");
+        }
+    }
+}
+
+/// As golden tests and tables of other runs need it: what is asked for beside them changes no number of the others.
+#[test]
+fn a_column_of_a_users_changes_no_number_of_other_quantities() {
+    let rows = Videos::new();
+    let step = numbers("step", rows.step.iter().map(|&step| f64::from(step)));
+    let frame = Quantity {
+        hold_out: HoldOut::Distractor,
+        ..numbers("frame", rows.video.iter().map(|&video| f64::from(video)))
+    };
+    let column = Quantity { name: "column".to_owned(), hold_out: HoldOut::StateOfUnknown, ..step.clone() };
+    let alone = within(&rows.table(), &[step.clone(), frame.clone()], 2).unwrap();
+    let beside = within(&rows.table(), &[column, step, frame], 2).unwrap();
+    for score in &alone {
+        assert_eq!(find(&beside, &score.quantity, score.probe), score);
     }
 }
