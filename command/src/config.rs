@@ -59,6 +59,14 @@ pub(crate) fn expand(command: &mut Command, arguments: Vec<OsString>) -> Result<
     Ok(Expanded { arguments: all, file: Some(file), from_file })
 }
 
+/// The arguments without `--config FILE`: what was typed, where the file is not there yet.
+pub(crate) fn without_file(command: &mut Command, arguments: Vec<OsString>) -> Result<Vec<OsString>> {
+    command.build();
+    let typed = Typed::scan(command, &arguments)?;
+    let is_typed = |(place, word)| (!typed.config_words.contains(&place)).then_some(word);
+    Ok(arguments.into_iter().enumerate().filter_map(is_typed).collect())
+}
+
 /// What was typed, as far as the file's options depend on it.
 struct Typed<'a> {
     /// The verb's command, or the program's own.
@@ -72,7 +80,7 @@ struct Typed<'a> {
 }
 
 impl<'a> Typed<'a> {
-    /// Walks over the words as clap will: an option that takes a value takes the next word, unless it brings its own behind `=`.
+    /// Walks over the words as clap will: an option that takes a value takes the next word, unless it brings its own behind `=`, or may stand alone and an option follows.
     fn scan(program: &'a Command, arguments: &[OsString]) -> Result<Self> {
         let mut typed =
             Self { verb: program, verb_place: 0, ids: BTreeSet::new(), file: None, config_words: BTreeSet::new() };
@@ -83,7 +91,7 @@ impl<'a> Typed<'a> {
             }
             let (argument, value) = typed.option(&word);
             if let Some(argument) = argument {
-                let takes_next = argument.get_action().takes_values() && value.is_none();
+                let takes_next = value.is_none() && takes_next(argument, arguments.get(place + 1));
                 if argument.get_id() == CONFIG {
                     let file = value.map(OsString::from).or_else(|| arguments.get(place + 1).cloned());
                     typed.config_words.insert(place);
@@ -128,6 +136,13 @@ impl<'a> Typed<'a> {
         }
         (last, None)
     }
+}
+
+/// Whether an option without a value of its own takes the next word.
+fn takes_next(argument: &Arg, next: Option<&OsString>) -> bool {
+    let may_stand_alone = argument.get_num_args().is_some_and(|count| count.min_values() == 0);
+    let is_option = next.is_some_and(|word| word.to_string_lossy().starts_with('-'));
+    argument.get_action().takes_values() && !(may_stand_alone && is_option)
 }
 
 /// The file's entries for the verb: those at its top, and those of the verb's own table.

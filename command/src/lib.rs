@@ -23,5 +23,5 @@ pub use ending::{Ending, error_text};
 pub use given::{Given, options_of};
 pub use output::Output;
 pub use products::products_on_one_thread;
-pub use program::run;
+pub use program::{parse, parse_typed, run};
 pub use signals::stop_on_signals;

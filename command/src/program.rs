@@ -71,6 +71,31 @@ fn read<P: FromArgMatches>(mut command: Command, arguments: Vec<OsString>) -> Re
     Ok((program, verbose))
 }
 
+/// A program's own form of words that are not the process's, the options of a `--config` file among them: a command line within a command line.
+///
+/// # Errors
+/// The file of options cannot be read or names what there is not, or clap refuses the words.
+pub fn parse<P: CommandFactory + FromArgMatches>(words: &[String]) -> anyhow::Result<P> {
+    let mut command = config::with_option(P::command());
+    let expanded = config::expand(&mut command, words.iter().map(OsString::from).collect())?;
+    matched(&mut command, &expanded.arguments)
+}
+
+/// The same of what was typed alone, where the file is not there yet.
+///
+/// # Errors
+/// Clap refuses the words, also for an option that the file may yet bring.
+pub fn parse_typed<P: CommandFactory + FromArgMatches>(words: &[String]) -> anyhow::Result<P> {
+    let mut command = config::with_option(P::command());
+    let typed = config::without_file(&mut command, words.iter().map(OsString::from).collect())?;
+    matched(&mut command, &typed)
+}
+
+fn matched<P: FromArgMatches>(command: &mut Command, words: &[OsString]) -> anyhow::Result<P> {
+    let matches = command.try_get_matches_from_mut(words)?;
+    Ok(P::from_arg_matches(&matches).map_err(|error| error.format(command))?)
+}
+
 /// Every option of the verb with its value and where it comes from.
 fn say_options(command: &Command, matches: &ArgMatches, expanded: &Expanded) {
     let (mut command, mut matches, mut name) = (command, matches, command.get_name().to_owned());

@@ -141,7 +141,18 @@ stages = [
     said(folder, "sweep files.toml --index 1", 0);
     let run = folder.join("runs/sweep/seed=1");
     assert!(run.join("first/checkpoints/000002").exists() && run.join("second/checkpoints/000003").exists());
-    std::fs::write(folder.join("bad.toml"), plan.replace("--updates", "--updtes")).unwrap();
+    for (wrong, right, told) in [
+        ("--updtes", "--updates", "--updtes"),
+        ("--config tinny.toml", "--config tiny.toml", "cannot read the options: tinny.toml"),
+    ] {
+        std::fs::write(folder.join("bad.toml"), plan.replace(right, wrong)).unwrap();
+        assert!(said(folder, "sweep bad.toml --list", 2).contains(told), "{wrong}");
+    }
+    // A file that an earlier stage has yet to write is no fault, and a word that no file can mend is.
+    let later = plan.replace("{run}/first/config.toml", "{run}/later.toml");
+    std::fs::write(folder.join("later.toml"), &later).unwrap();
+    said(folder, "sweep later.toml --list", 0);
+    std::fs::write(folder.join("bad.toml"), later.replace("--updates", "--updtes")).unwrap();
     assert!(said(folder, "sweep bad.toml --list", 2).contains("--updtes"));
 }
 

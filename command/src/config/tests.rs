@@ -20,7 +20,7 @@ fn program() -> Command {
                     .arg(number("rows").action(ArgAction::Append))
                     .arg(number("weight").allow_negative_numbers(true)),
             )
-            .subcommand(Command::new("umap").arg(number("neighbours"))),
+            .subcommand(Command::new("umap").arg(number("neighbours")).arg(number("online").num_args(0..=1))),
     )
 }
 
@@ -68,6 +68,18 @@ fn a_verb_is_not_mistaken_for_a_value() {
 }
 
 #[test]
+fn an_option_that_may_stand_alone_does_not_take_the_file_for_its_value() {
+    for (line, wanted) in [
+        ("program umap --online --config FILE", "program umap --neighbours=9 --online"),
+        ("program umap --online --config=FILE", "program umap --neighbours=9 --online"),
+        ("program umap --online task --config FILE", "program umap --neighbours=9 --online task"),
+        ("program umap --config FILE --online", "program umap --neighbours=9 --online"),
+    ] {
+        assert_eq!(expanded(line, "neighbours = 9").unwrap(), wanted, "{line}");
+    }
+}
+
+#[test]
 fn what_would_have_no_effect_is_an_error_that_names_what_there_is() {
     for (line, text, wanted) in [
         ("program nn --config FILE", "sed = 1", "no option sed of nn; its options are k, lr-decay, rows, weight"),
@@ -89,4 +101,13 @@ fn what_would_have_no_effect_is_an_error_that_names_what_there_is() {
 #[test]
 fn without_a_file_nothing_changes() {
     assert_eq!(expanded("program nn --k 5", "").unwrap(), "program nn --k 5");
+}
+
+#[test]
+fn what_was_typed_is_known_before_the_file_is_there() {
+    for line in ["program nn --config later.toml --k 5", "program --config=later.toml nn --k 5"] {
+        let words = line.split(' ').map(OsString::from).collect();
+        let left = without_file(&mut program(), words).unwrap();
+        assert_eq!(left, ["program", "nn", "--k", "5"], "{line}");
+    }
 }

@@ -1,0 +1,108 @@
+//! Runs of a sweep in this process, one after the other. In: the runs, and what carries out a command line of this program. Out: their folders.
+
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Context as _, Result, bail};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use vibes_command::{Ending, error_text, parse};
+use vibes_train::TrainError;
+use vibes_train::sweep::{Element, StageEnd, line, run_element};
+
+use super::{LOOK, Verb, say};
+use crate::cli::{Cli, Context, judge};
+
+/// Does some runs in this process. One that fails does not keep the others from being done.
+pub(super) fn here(
+    context: &Context,
+    elements: &[Element],
+    chosen: &[usize],
+    (verb, stop): (Verb, &AtomicBool),
+) -> Result<Ending> {
+    let mut failed = Vec::new();
+    for &index in chosen {
+        let element = &elements[index];
+        match run_element(element, stop, &mut |words| carry_out(context, words, verb, stop)) {
+            Ok(None) => say(context, &format!("run {index} is done already: {}", element.folder.display())),
+            Ok(Some(StageEnd::Done)) => say(context, &format!("run {index} is done: {}", element.folder.display())),
+            Ok(Some(StageEnd::Again)) => {
+                say(context, &format!("run {index} is saved; the same command goes on: {}", element.folder.display()));
+                return Ok(Ending::Again);
+            }
+            Err(error) if judge(&error) == Ending::Again => return Err(error),
+            Err(error) if chosen.len() == 1 => return Err(error),
+            Err(error) => {
+                eprintln!("run {index} failed: {}", error_text(&error));
+                failed.push(index);
+            }
+        }
+    }
+    ended(&failed, chosen.len())
+}
+
+pub(super) fn ended(failed: &[usize], runs: usize) -> Result<Ending> {
+    if failed.is_empty() {
+        return Ok(Ending::Done);
+    }
+    let names: Vec<String> = failed.iter().map(usize::to_string).collect();
+    bail!(
+        "{} of {runs} runs failed: {}; the others are done, and the same command tries again",
+        failed.len(),
+        names.join(", ")
+    )
+}
+
+/// Carries out one command line: this program's own verbs in this process, another program as a child.
+fn carry_out(context: &Context, words: &[String], verb: Verb, stop: &AtomicBool) -> Result<StageEnd> {
+    say(context, &line(words));
+    let ending = if words[0] == "vibes-train" {
+        let mut cli = parse::<Cli>(words).map_err(|error| TrainError::Options(error_text(&error)))?;
+        cli.output.quiet |= context.quiet;
+        match verb(cli) {
+            Err(error) if judge(&error) == Ending::Again => Ending::Again,
+            ending => ending?,
+        }
+    } else {
+        other(words, context.quiet, stop)?
+    };
+    match ending {
+        Ending::Done => Ok(StageEnd::Done),
+        Ending::Again => Ok(StageEnd::Again),
+        Ending::Failed | Ending::Wrong | Ending::DataLost => bail!("exit code {}", ending.code()),
+    }
+}
+
+/// Runs another of the three programs, the one beside this one if there is one. When this process is to stop, so is that.
+fn other(words: &[String], quiet: bool, stop: &AtomicBool) -> Result<Ending> {
+    let beside = std::env::current_exe().ok().map(|own| own.with_file_name(&words[0])).filter(|path| path.is_file());
+    let mut command = Command::new(beside.unwrap_or_else(|| PathBuf::from(&words[0])));
+    command.args(&words[1..]).args(quiet.then_some("-q")).stdin(Stdio::null());
+    in_a_group_of_its_own(&mut command);
+    let mut child = command.spawn().with_context(|| format!("cannot start {}", words[0]))?;
+    let mut told = false;
+    let status = loop {
+        if let Some(status) = child.try_wait()? {
+            break status;
+        }
+        if stop.load(Ordering::Relaxed) && !told {
+            told = true;
+            // One that has ended meanwhile needs none.
+            let _ = kill(Pid::from_raw(child.id() as i32), Signal::SIGTERM);
+        }
+        std::thread::sleep(LOOK);
+    };
+    match status.code() {
+        Some(0) => Ok(Ending::Done),
+        Some(75) => Ok(Ending::Again),
+        _ if told => Ok(Ending::Again),
+        _ => bail!("{} ended with {status}", words[0]),
+    }
+}
+
+/// Ctrl-C reaches this process alone, which then stops its children once.
+pub(super) fn in_a_group_of_its_own(command: &mut Command) {
+    use std::os::unix::process::CommandExt;
+    command.process_group(0);
+}
