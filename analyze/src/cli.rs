@@ -20,12 +20,13 @@ mod symmetry;
 mod table;
 mod umap;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use vibes_command::{Ending, Output as Globals};
 
+use crate::figures::{Figure, FigureError};
 use crate::input::InputError;
 
 /// Look into a latent space: neighbours, maps, and numbers that say how invariant it is.
@@ -72,6 +73,29 @@ struct Outcome {
     json: serde_json::Value,
 }
 
+impl Outcome {
+    /// Writes a figure and lists its files. One that is too large for an image is left out: the numbers do not depend on it.
+    fn save(&mut self, figure: &Figure, folder: &Path, stem: &str) -> anyhow::Result<()> {
+        match figure.save(folder, stem) {
+            Ok(files) => self.files.extend(files),
+            Err(FigureError::Size { width, height, .. }) => {
+                let fact = format!("it would be {width:.0} by {height:.0} inches large");
+                self.leave_out(folder, stem, &fact);
+            }
+            Err(other) => return Err(other.into()),
+        }
+        Ok(())
+    }
+
+    /// Says why a figure is not drawn, and takes away one of this name from before, which would be taken for it.
+    fn leave_out(&mut self, folder: &Path, stem: &str, fact: &str) {
+        for ending in ["png", "svg"] {
+            let _ = std::fs::remove_file(folder.join(format!("{stem}.{ending}")));
+        }
+        self.remarks.push(format!("the figure {stem} is not drawn: {fact}; all numbers are in the other files"));
+    }
+}
+
 /// Arguments that do not fit the input.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
@@ -115,8 +139,11 @@ fn is_wrong(error: &anyhow::Error) -> bool {
     error.chain().any(|e| {
         e.is::<WrongArguments>()
             || e.downcast_ref::<InputError>().is_some_and(|e| {
-                use InputError::{IdleJoin, NoSuchColumn, NoSuchResult, Rows};
-                matches!(e, IdleJoin { .. } | NoSuchColumn { .. } | NoSuchResult { .. } | Rows { .. })
+                use InputError::{AmbiguousResult, IdleJoin, NoSuchColumn, NoSuchResult, Rows};
+                matches!(
+                    e,
+                    AmbiguousResult { .. } | IdleJoin { .. } | NoSuchColumn { .. } | NoSuchResult { .. } | Rows { .. }
+                )
             })
             || e.downcast_ref::<vibes_measure::Error>()
                 .is_some_and(|e| matches!(e, NoSuchRow { .. } | Option { .. } | UnknownName { .. }))

@@ -94,7 +94,7 @@ impl Figure {
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {
     /// The figure would have no pixels or too many.
-    #[error("a figure of {width:.1} by {height:.1} inches is too large to draw; ask for fewer panels: {path}")]
+    #[error("a figure of {width:.1} by {height:.1} inches is too large to draw; show less in one figure: {path}")]
     Size {
         /// Width in inches.
         width: f64,

@@ -23,7 +23,7 @@ pub use found::{find_latents, find_recording, newest_latents};
 pub use frames::Frames;
 pub(crate) use frames::differ;
 pub(crate) use latents::MOVED;
-pub use latents::{Asked, ReadLatents, read_asked, read_beside, read_latents, read_with_origin};
+pub use latents::{Asked, ReadLatents, read_asked, read_beside, read_latents, read_rows, read_with_origin};
 pub use lists::Origin;
 pub use results::{Cell, Results};
 pub use rows::{Rows, RowsError};
@@ -108,6 +108,16 @@ pub enum InputError {
         name: String,
         /// What there is.
         found: String,
+    },
+    /// A key that is the end of several names whose values differ.
+    #[error("{name} stands for several things that differ; name one of them in full: {found}: {path}")]
+    AmbiguousResult {
+        /// What was asked for.
+        name: String,
+        /// The names in full.
+        found: String,
+        /// The run.
+        path: PathBuf,
     },
     /// A table that cannot be joined.
     #[error(

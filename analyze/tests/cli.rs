@@ -6,6 +6,10 @@
 mod browser;
 #[path = "cli/fixture.rs"]
 mod fixture;
+#[path = "cli/shared_folders.rs"]
+mod shared_folders;
+#[path = "cli/sizes.rs"]
+mod sizes;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -101,7 +105,7 @@ fn every_verb_writes_its_files_and_one_line_of_result() {
         (&["invariance"], &["invariance.png", "invariance.svg", "invariance.json", "invariance.arrow"]),
         (&["probe"], &["probes.png", "probes.svg", "probes.json", "probes.arrow"]),
         (&["scene", "--episodes", "3,7"], &["scene.rrd", "scene.json"]),
-        (&["curves", "runs/discs"], &["curves.png", "curves.svg", "table.png", "curves.json", "curves.arrow"]),
+        (&["curves", "runs/discs"], &["curves.png", "curves.svg", "curves-table.png", "curves.json", "curves.arrow"]),
     ];
     for (verb, files) in verbs {
         let (said, _) = good(GRID.path(), &[verb, &["-o", o, "--note", "a synthetic recording"]].concat());
@@ -610,6 +614,25 @@ fn the_numbers_of_a_known_latent_are_right() {
     assert!(ratio["high"].as_f64().expect("ratio") < 0.9, "{ratio}");
 }
 
+/// Each state's cells hold the same values in the same order: shuffled from state to state, such a column would stay what it is.
+#[test]
+fn a_column_that_is_the_distractors_is_not_read_once_it_is_shuffled() {
+    let out = folder();
+    let l = Latents::read(&GRID.latents()).expect("latents");
+    let shade = |row: usize| f64::from(l.distractor[row].unwrap_or_default()).sin();
+    let line = |row: usize| format!("{},{},{}\n", l.episode[row], l.step[row], shade(row));
+    let lines: String = (0..l.len()).map(line).collect();
+    let mine = out.path().join("shades.csv");
+    std::fs::write(&mine, format!("episode,step,shade\n{lines}")).expect("table");
+    good(GRID.path(), &["probe", "-o", text(out.path()), "--join", text(&mine), "--target", "shade"]);
+    let probes = json(&out.path().join("probes.json"));
+    let all = probes["latent"].as_array().expect("scores").iter();
+    for score in all.filter(|score| score["quantity"] == "shade") {
+        let [read, shuffled] = ["score", "shuffled"].map(|what| score[what]["estimate"].as_f64().expect("number"));
+        assert!(shuffled < 0.6 && (read > 0.9 || score["probe"] == "knn"), "{score}");
+    }
+}
+
 /// A column of a grid has many states and one distractor: the task is probed, and what the distractor decides is named as left out.
 #[test]
 fn one_column_of_a_grid_is_probed_for_its_task() {
@@ -618,10 +641,20 @@ fn one_column_of_a_grid_is_probed_for_its_task() {
     let (line, said) = good(GRID.path(), &[&["probe", "--where", "distractor = 0"][..], &out].concat());
     assert!(line.contains("read of the task a mean of"), "{line}");
     assert!(said.contains("video frame, self blue are of one trajectory here"), "{said}");
+    assert!(line.contains("of the distractors nothing (none can be held out)"), "{line}");
     let l = Latents::read(&GRID.latents()).expect("latents");
     let column = rows_of(&l, |row| l.distractor[row] == Some(0));
     ["a.arrow", "b.arrow"].iter().for_each(|name| column.write(&folder.path().join(name)).expect("latents"));
     good(folder.path(), &["compare", "a.arrow", "b.arrow"]);
+}
+
+/// A row of a grid has one state and many distractors: the task varies, and has no other trajectory to be judged on.
+#[test]
+fn one_row_of_a_grid_is_probed_for_its_distractors() {
+    let folder = folder();
+    let (line, said) = good(GRID.path(), &["probe", "--where", "state = 0", "-o", text(folder.path())]);
+    assert!(line.contains("read of the task nothing (none can be held out), of the distractors a mean of"), "{line}");
+    assert!(said.contains("position[0], ") && said.contains("are of one trajectory here"), "{said}");
 }
 
 #[test]

@@ -50,7 +50,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     }
     let count = size(100_000);
     rows.push(timed(globals, format!("quality of a map, {count} x {DIMS}"), 2.0, || map_quality(options.seed, count))?);
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = rayon::current_num_threads();
     let line = format!("bench: {} timings on {threads} threads; the seconds are above", rows.len());
     let json = json!({ "threads": threads, "timings": rows });
     Ok(Outcome { line, json, ..Outcome::default() })

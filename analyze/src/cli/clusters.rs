@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use serde_json::json;
+use serde_json::{Value, json};
 use vibes_command::Given;
 use vibes_data::{About, Readable};
 
@@ -12,7 +12,7 @@ use super::{Globals, Outcome, wrong};
 use crate::figures::{Coloring, Figure, Map};
 use crate::input::UserColumn;
 use crate::output::{Column, write_csv};
-use vibes_measure::clusters::{ClusterSummary, Method, cluster_table, clusters};
+use vibes_measure::clusters::{ClusterSummary, Method, Typical, cluster_table, clusters};
 use vibes_measure::probes::{HoldOut, Quantity, Values};
 
 /// Group the latents by k-means or DBSCAN, and say what each group holds.
@@ -82,16 +82,16 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         let way = format!("{:?}", options.by).to_lowercase();
         return Err(wrong(format!("{option} has no effect with --by {way}; leave it out")));
     }
-    let about = json!({ "method": format!("{method:?}"), "color": options.color });
+    let about = about(method, &options.color);
     let mut session = Session::open_with(&options.input, globals, "clusters", about, &options.color)?;
     let labels = clusters(&session.table()?, method, &mut session.rng())?;
     let mut quantities = quantities(&session)?;
     add_columns(&mut session, &mut quantities)?;
     let summaries = cluster_table(&session.table()?, &labels, &quantities)?;
-    let made = MapOptions::default().map(&mut session, globals)?;
+    let made = MapOptions::usual(&options.given).map_or_other(&mut session, globals)?;
     let map = Map {
         heading: session.heading(format!("Groups of {} latents", thousands(session.latents.len()))),
-        axes: "UMAP".into(),
+        axes: made.method.name().into(),
         points: made.points(),
         backdrop: Vec::new(),
         coloring: Coloring::Kind { name: "cluster".into(), kinds: labels.clone(), names: Vec::new() },
@@ -119,6 +119,16 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         let _ = write!(line, "\n  {}", sentence(summary));
     }
     Ok(session.finish(line))
+}
+
+/// The options as they go into outputs.
+fn about(method: Method, color: &[String]) -> Value {
+    match method {
+        Method::KMeans { k } => json!({ "method": "kmeans", "k": k, "color": color }),
+        Method::Dbscan { min_points, reach } => {
+            json!({ "method": "dbscan", "min_points": min_points, "reach": reach, "color": color })
+        }
+    }
 }
 
 /// The task quantities of every row, if the recording is at hand.
@@ -159,7 +169,7 @@ fn draw_columns(session: &mut Session, made: &MadeMap) -> anyhow::Result<()> {
     for column in session.columns.clone() {
         let map = Map {
             heading: session.heading(format!("The same map, coloured by {}", column.0)),
-            axes: "UMAP".into(),
+            axes: made.method.name().into(),
             points: made.points(),
             backdrop: Vec::new(),
             coloring: coloring(&column, session.latents.len())?,
@@ -184,19 +194,32 @@ fn sentence(summary: &ClusterSummary) -> String {
     )
 }
 
+/// What the table of groups says in one row: a group, and one of its quantities if it has some.
+type SummaryRow<'s> = (&'s ClusterSummary, Option<&'s Typical>);
+
+/// A row for each quantity of a group; a group of which none is known has one row as well, which says how large it is.
+fn rows_of(summary: &ClusterSummary) -> Vec<SummaryRow<'_>> {
+    if summary.quantities.is_empty() {
+        return vec![(summary, None)];
+    }
+    summary.quantities.iter().map(|typical| (summary, Some(typical))).collect()
+}
+
 /// The table of groups as CSV, a row a group and quantity.
 fn write_summaries(session: &mut Session, summaries: &[ClusterSummary]) -> anyhow::Result<()> {
-    let rows: Vec<_> = summaries.iter().flat_map(|s| s.quantities.iter().map(move |t| (s, t))).collect();
+    let rows: Vec<SummaryRow<'_>> = summaries.iter().flat_map(rows_of).collect();
     let name = |s: &ClusterSummary| s.cluster.map_or_else(|| "none".to_string(), |cluster| cluster.to_string());
+    let quantity = |typical: Option<&Typical>| typical.map_or_else(String::new, |typical| typical.quantity.clone());
+    let numbers = |of: fn(&Typical) -> f64| Column::Float64(rows.iter().map(|r| r.1.map_or(f64::NAN, of)).collect());
     let columns = [
         ("cluster", Column::Text(rows.iter().map(|r| name(r.0)).collect())),
         ("rows", Column::UInt32(rows.iter().map(|r| r.0.rows as u32).collect())),
         ("states", Column::UInt32(rows.iter().map(|r| r.0.states as u32).collect())),
         ("distractors", Column::UInt32(rows.iter().map(|r| r.0.distractors as u32).collect())),
-        ("quantity", Column::Text(rows.iter().map(|r| r.1.quantity.clone()).collect())),
-        ("value", Column::Float64(rows.iter().map(|r| r.1.value).collect())),
-        ("spread", Column::Float64(rows.iter().map(|r| r.1.spread).collect())),
-        ("apart", Column::Float64(rows.iter().map(|r| r.1.apart).collect())),
+        ("quantity", Column::Text(rows.iter().map(|r| quantity(r.1)).collect())),
+        ("value", numbers(|typical| typical.value)),
+        ("spread", numbers(|typical| typical.spread)),
+        ("apart", numbers(|typical| typical.apart)),
     ];
     let path = session.out.join("clusters.csv");
     write_csv(&path, &columns)?;

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use vibes_data::{Latents, is_same_place};
 
 use super::invariance::{Named, ends, named, past_actions, table, text, write_intervals};
+use super::nn::rows_elsewhere;
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::figures::{Bar, BarGroup, Bars, Figure};
@@ -56,27 +57,35 @@ struct Row {
     name: String,
     /// Of the grid; none of latents that lie on none.
     numbers: Numbers,
-    near: Neighbours,
+    /// None of latents of one episode, whose own rows do not count.
+    near: Option<Neighbours>,
 }
 
 impl Row {
-    fn named(&self, agreement: f64) -> Vec<Named> {
-        let alone = Interval { estimate: agreement, low: f64::NAN, high: f64::NAN };
-        let common = (self.name.clone(), "neighbours in common with the first".to_string(), alone, f64::NAN);
+    /// The share of the neighbours of another table's rows that are among those of this one's.
+    fn shared_with(&self, first: &Self) -> Option<f64> {
+        Some(first.near.as_ref()?.shared_with(self.near.as_ref()?))
+    }
+
+    fn named(&self, agreement: Option<f64>) -> Vec<Named> {
+        let alone = |estimate: f64| Interval { estimate, low: f64::NAN, high: f64::NAN };
+        let common = agreement.map(|shared| (self.name.clone(), SHARED.to_owned(), alone(shared), f64::NAN));
         let of = |source: &str| match source {
             "latent" => self.name.clone(),
             _ => format!("{}: past actions", self.name),
         };
         let own =
             named(&self.numbers).into_iter().map(|(source, name, value, chance)| (of(&source), name, value, chance));
-        own.chain([common]).collect()
+        own.chain(common).collect()
     }
 }
 
 /// Rows whose neighbours are compared.
 const QUERIES: usize = 500;
-/// Neighbours compared.
+/// Neighbours compared, where a row has as many.
 const K: usize = 10;
+/// What the share of neighbours in common is called.
+const SHARED: &str = "neighbours_shared_with_first";
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
     let mut sessions = Vec::new();
@@ -96,20 +105,20 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let rows = sessions.iter_mut().zip(&names).map(|(session, name)| measure(session, name));
     let rows = rows.collect::<anyhow::Result<Vec<_>>>()?;
     let remarks: Vec<String> = sessions[1..].iter_mut().flat_map(|s| std::mem::take(&mut s.outcome.remarks)).collect();
-    let agreement: Vec<f64> = rows.iter().map(|r| rows[0].near.shared_with(&r.near)).collect();
+    let agreement: Vec<Option<f64>> = rows.iter().map(|row| row.shared_with(&rows[0])).collect();
     let mut session = sessions.remove(0);
     for remark in of_two.into_iter().chain(remarks) {
         if !session.outcome.remarks.contains(&remark) {
             session.remark(remark);
         }
     }
-    session.save(&Figure::Bars(draw(&session, &rows, &agreement)), "compare")?;
-    let tables: Vec<Value> = rows
-        .iter()
-        .zip(&agreement)
-        .map(|(r, a)| json!({ "name": r.name, "numbers": r.numbers, "neighbours_shared_with_first": a }))
-        .collect();
-    session.write_json("compare", &json!({ "tables": tables }))?;
+    let bars = draw(&session, &rows, &agreement);
+    if !bars.groups.is_empty() {
+        session.save(&Figure::Bars(bars), "compare")?;
+    }
+    let tables: Vec<Value> =
+        rows.iter().zip(&agreement).map(|(r, a)| json!({ "name": r.name, "numbers": r.numbers, SHARED: a })).collect();
+    session.write_json("compare", &json!({ "tables": tables, "k": rows[0].near.as_ref().map(Neighbours::k) }))?;
     let numbers: Vec<Named> = rows.iter().zip(&agreement).flat_map(|(row, &agreement)| row.named(agreement)).collect();
     write_intervals(&mut session, "compare", "table", &numbers)?;
     let parts: Vec<String> = rows
@@ -216,11 +225,26 @@ fn measure(session: &mut Session, name: &str) -> anyhow::Result<Row> {
     let space = Space::new(session.table()?, Metric::Standardized)?;
     let count = session.latents.len();
     let queries: Vec<usize> = (0..QUERIES.min(count)).map(|i| i * count / QUERIES.min(count)).collect();
-    let near = nearest(&space, &queries, K, Exclude::Trajectory)?;
+    let k = K.min(rows_elsewhere(&session.latents.episode));
+    let near = if k == 0 { None } else { Some(nearest(&space, &queries, k, Exclude::Trajectory)?) };
+    if let Some(remark) = fewer_neighbours(k) {
+        session.remark(remark);
+    }
     Ok(Row { name: name.into(), numbers, near })
 }
 
-fn draw(session: &Session, rows: &[Row], agreement: &[f64]) -> Bars {
+/// What is to be said where a row has fewer neighbours than are compared elsewhere.
+fn fewer_neighbours(k: usize) -> Option<String> {
+    match k {
+        0 => Some(format!(
+            "{SHARED} is left out: these latents are of one episode, whose own rows do not count as neighbours"
+        )),
+        K.. => None,
+        _ => Some(format!("{SHARED} is of {k} neighbours rather than {K}: there are no more that count")),
+    }
+}
+
+fn draw(session: &Session, rows: &[Row], agreement: &[Option<f64>]) -> Bars {
     let whole = Some((0.0, 1.0));
     let group = |axis: &str, name: &str| {
         let bar = |r: &Row| {
@@ -240,12 +264,16 @@ fn draw(session: &Session, rows: &[Row], agreement: &[f64]) -> Bars {
         group("retrieval_any_step@1: same state, under another distractor", "retrieval_any_step@1"),
     ];
     groups.retain(|g| !g.bars.is_empty());
-    let bar = |(r, &value): (&Row, &f64)| Bar { label: r.name.clone(), value, interval: None, chance: None };
-    groups.push(BarGroup {
-        axis: format!("share of {K} neighbours in common with {}", rows[0].name),
-        range: whole,
-        bars: rows.iter().zip(agreement).map(bar).collect(),
-    });
+    let bar = |(r, &shared): (&Row, &Option<f64>)| {
+        shared.map(|value| Bar { label: r.name.clone(), value, interval: None, chance: None })
+    };
+    if let Some(near) = &rows[0].near {
+        groups.push(BarGroup {
+            axis: format!("share of {} neighbours in common with {}", near.k(), rows[0].name),
+            range: whole,
+            bars: rows.iter().zip(agreement).filter_map(bar).collect(),
+        });
+    }
     Bars { heading: session.heading("Latents of one recording side by side"), groups }
 }
 

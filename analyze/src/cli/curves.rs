@@ -90,21 +90,16 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let heading = |title: &str| Heading::new(title).with_note(options.note.clone());
     let is_of_several = curves.iter().any(|shown| shown.curves.iter().any(|curve| curve.runs > 1));
     let title = if is_of_several { "Training, mean and 95% interval over runs" } else { "Training" };
-    let mut files = Vec::new();
-    if !curves.is_empty() {
-        files = Figure::Curves(figure(heading(title), &runs, &names, &curves)).save(&out, "curves")?;
-    }
     let tabled = match &options.table {
         Some(name) => Some(Metric::named(known(name, &runs)?)),
         None => metrics.iter().find(|m| m.name.contains("return")).map(|m| Metric::named(&m.name)),
     };
-    let heading = heading("Where training ended");
     let table = match &tabled {
-        Some(metric) => by_task(heading, &runs, &groups, metric),
-        None => by_metric(heading, &runs, &groups, &metrics),
+        Some(metric) => by_task(heading("Where training ended"), &runs, &groups, metric),
+        None => by_metric(heading("Where training ended"), &runs, &groups, &metrics),
     };
-    files.extend(Figure::Table(table.clone()).save(&out, "table")?);
-    files.push(write_curves(&out, &curves)?);
+    let mut outcome = Outcome::default();
+    outcome.files.push(write_curves(&out, &curves)?);
     let document = output::document(
         &json!({
             "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "curves",
@@ -118,12 +113,25 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     )?;
     let path = out.join("curves.json");
     output::write_json(&path, &document)?;
-    files.push(path);
-    let broken: usize = runs.iter().map(|r| r.broken_lines).sum();
+    outcome.files.push(path);
+    outcome.json = document;
+    outcome.remarks = remarks(&runs, &metrics, &curves);
+    // Behind the numbers: figures of very many runs are too large to draw.
+    if !curves.is_empty() {
+        outcome.save(&Figure::Curves(figure(heading(title), &runs, &names, &curves)), &out, "curves")?;
+    }
+    outcome.save(&Figure::Table(table), &out, "curves-table")?;
+    outcome.line = format!("curves: {} metrics of {} runs{}", metrics.len(), runs.len(), progress(&runs));
+    Ok(outcome)
+}
+
+/// What must be known of the runs and of their curves, a sentence each.
+fn remarks(runs: &[Run], metrics: &[Metric], curves: &[Shown<'_>]) -> Vec<String> {
     let mut remarks: Vec<String> = runs.iter().flat_map(Run::remarks).collect();
     for metric in metrics.iter().filter(|metric| !curves.iter().any(|shown| shown.metric.name == metric.name)) {
         remarks.push(format!("{} was measured at the end alone and has no curve; it stands in the table", metric.name));
     }
+    let broken: usize = runs.iter().map(|r| r.broken_lines).sum();
     if broken > 0 {
         remarks.push(format!("{broken} lines of metrics could not be read and were left out"));
     }
@@ -132,8 +140,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
             "no held-out gaps to a bisimulation in these runs; `vibes-train evaluate RUN GRID` measures them".into(),
         );
     }
-    let line = format!("curves: {} metrics of {} runs{}", metrics.len(), runs.len(), progress(&runs));
-    Ok(Outcome { line, remarks, files, json: document })
+    remarks
 }
 
 /// How far the runs got.

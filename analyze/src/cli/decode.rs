@@ -67,7 +67,7 @@ pub(super) fn run(options: &Options, _globals: &Globals) -> anyhow::Result<Outco
         if options.runs[0].is_file() { options.runs[0].parent().unwrap_or(Path::new("")) } else { &options.runs[0] };
     let out = options.output.clone().unwrap_or_else(|| folder.join("figures"));
     std::fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
-    let mut files = Figure::Strips(drawn).save(&out, "decoded")?;
+    let mut outcome = Outcome::default();
     let runs = sources.iter().zip(&options.runs).map(|(source, path)| {
         let decoded = &source.decoded;
         json!({
@@ -81,14 +81,16 @@ pub(super) fn run(options: &Options, _globals: &Globals) -> anyhow::Result<Outco
     )?;
     let path = out.join("decoded.json");
     output::write_json(&path, &document)?;
-    files.push(path);
+    outcome.files.push(path);
+    outcome.json = document;
+    outcome.save(&Figure::Strips(drawn), &out, "decoded")?;
     let explained =
         sources.iter().filter_map(|source| Some(format!("{} {:.0}%", source.name, 100.0 * source.decoded.explained?)));
-    let line = format!(
+    outcome.line = format!(
         "decode: {count} strips; pixel variance that the latent shows: {}",
         explained.collect::<Vec<_>>().join(", ")
     );
-    Ok(Outcome { line, remarks: Vec::new(), files, json: document })
+    Ok(outcome)
 }
 
 fn open(run: &Path) -> anyhow::Result<Decoded> {

@@ -84,9 +84,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     if !options.states.is_empty() && !options.distractors.is_empty() && options.given.first_of(["panels"]).is_some() {
         return Err(wrong("--panels has no effect where --states and --distractors name all panels; leave it out"));
     }
-    let given = json!({
-        "map": options.map.json(), "panels": options.panels.to_string(), "color": options.color,
-    });
+    let given = json!({ "panels": options.panels.to_string(), "color": options.color });
     let color: Vec<String> = options.color.iter().cloned().collect();
     let mut session = Session::open_with(&(&options.input).into(), globals, "grid", given, &color)?;
     let coloring = session.columns.first().map(|column| coloring(column, session.latents.len())).transpose()?;
@@ -94,7 +92,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let states = choose("--states", &options.states, all.iter().map(|c| c.0).collect(), options.panels.states)?;
     let distractors =
         choose("--distractors", &options.distractors, all.iter().map(|c| c.1).collect(), options.panels.distractors)?;
-    let made = options.map.map(&mut session, globals)?;
+    let made = options.map.map_or_other(&mut session, globals)?;
     let panels = panels(&session, &states, &distractors);
     let holes = states.len() * distractors.len() - panels.len();
     // Of a cell without rows that are chosen, nothing here says whether it was recorded.

@@ -26,7 +26,8 @@ pub(super) struct Options {
     /// A neighbour of the same state trajectory counts if it is at most this many steps away.
     #[arg(long, default_value_t = GridOptions::default().tolerance)]
     tolerance: u32,
-    /// Most rows that `retrieval_any_step` asks about; `retrieval_same_step` asks about every cell and step.
+    /// Most rows that `retrieval_any_step` asks about; `retrieval_same_step` asks about every cell and step, and where this would compare more than
+    /// 50 million pairs, about as many, drawn, as make up these.
     #[arg(long, default_value_t = GridOptions::default().queries)]
     queries: usize,
 }
@@ -92,9 +93,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         )
     };
     dropped.remarks().into_iter().for_each(|remark| session.remark(remark));
-    for k in options.k.iter().filter(|k| numbers.get(&format!("retrieval_same_step@{k}")).is_none()) {
-        session.remark(format!("retrieval_same_step@{k} is left out: a step of this grid has fewer other cells"));
-    }
+    left_out(&options.k, &numbers).into_iter().for_each(|remark| session.remark(remark));
     let bars = draw(&session, &numbers);
     session.save(&Figure::Bars(bars), "invariance")?;
     let grid = json!({ "states": size.0, "distractors": size.1, "steps": size.2, "dropped": dropped });
@@ -112,6 +111,19 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         found.concat()
     );
     Ok(session.finish(line))
+}
+
+/// The retrievals that a small grid has nothing to ask for, a sentence each.
+fn left_out(k: &[usize], numbers: &Numbers) -> Vec<String> {
+    let measures = [
+        ("retrieval_same_step", "a step of this grid has fewer other cells"),
+        ("retrieval_any_step", "this grid has fewer rows under other distractors"),
+    ];
+    let lacking = |(measure, why): (&str, &str)| -> Vec<String> {
+        let names = k.iter().map(|k| format!("{measure}@{k}")).filter(|name| numbers.get(name).is_none());
+        names.map(|name| format!("{name} is left out: {why}")).collect()
+    };
+    measures.into_iter().flat_map(lacking).collect()
 }
 
 /// `0.61 [0.57, 0.66]`, or without an interval if there is none.

@@ -1,6 +1,9 @@
-//! The map that several verbs draw on: computed once, kept as `map.arrow`, and read back while latents and options stay the same.
+//! The map that several verbs draw on: computed once, kept as `map.arrow`, and read back while latents and options stay the same. A verb that is asked for
+//! no option of the map draws on one that is there, so that the figures of a folder show one map.
 
+mod known;
 mod layout;
+mod made;
 mod onto;
 
 use std::path::{Path, PathBuf};
@@ -10,13 +13,15 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 use vibes_data::Latents;
 
-use super::session::{Session, relative_paths};
+use super::session::Session;
 use super::{Globals, say, wrong};
 use crate::figures::Coloring;
 use crate::input::UserColumn;
 use crate::output::MapTable;
+use known::{Recipe, There};
+pub(super) use made::MadeMap;
 use onto::OldMap;
-use vibes_command::Given;
+use vibes_command::{Given, options_of};
 use vibes_measure::neighbours::{Metric, Space};
 use vibes_measure::quality::{QualityOptions, quality};
 use vibes_measure::tsne::TsneOptions;
@@ -98,47 +103,6 @@ pub(super) fn file_stem(name: &str) -> String {
     name.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
 }
 
-/// A map with its quality.
-#[derive(Debug)]
-pub(super) struct MadeMap {
-    pub(super) positions: Vec<[f32; 2]>,
-    /// The points of the old map that these were placed on; empty for a new map.
-    pub(super) backdrop: Vec<[f32; 2]>,
-    /// `trustworthiness`, `kept` and over how many neighbours and rows; null for fewer rows than it takes.
-    pub(super) quality: Value,
-    /// What the line of result says of how it was made: "", or ", neighbour graph used again".
-    pub(super) how: String,
-}
-
-impl MadeMap {
-    /// The positions in double precision, for figures.
-    pub(super) fn points(&self) -> Vec<[f64; 2]> {
-        doubled(&self.positions)
-    }
-
-    /// The old map's points in double precision, for figures.
-    pub(super) fn backdrop(&self) -> Vec<[f64; 2]> {
-        doubled(&self.backdrop)
-    }
-
-    /// `trustworthiness 0.980, neighbours kept 0.610`, over how many rows where not over all, or that there are too few.
-    pub(super) fn quality_text(&self) -> String {
-        let number = |name: &str| self.quality[name].as_f64();
-        let over = match self.quality["rows"].as_u64() {
-            Some(rows) if (rows as usize) < self.positions.len() => format!(" (over {rows} rows drawn)"),
-            _ => String::new(),
-        };
-        match (number("trustworthiness"), number("kept")) {
-            (Some(t), Some(kept)) => format!("trustworthiness {t:.3}, neighbours kept {kept:.3}{over}"),
-            _ => "too few rows for a quality".into(),
-        }
-    }
-}
-
-fn doubled(positions: &[[f32; 2]]) -> Vec<[f64; 2]> {
-    positions.iter().map(|p| [f64::from(p[0]), f64::from(p[1])]).collect()
-}
-
 impl Default for MapOptions {
     fn default() -> Self {
         let umap = UmapOptions::default();
@@ -180,13 +144,30 @@ impl MapOptions {
         json!({
             "method": format!("{:?}", self.method).to_lowercase(), "metric": self.metric.name(), "neighbours": self.neighbours,
             "min_dist": self.min_dist, "spread": self.spread, "epochs": self.epochs,
-            "perplexity": self.perplexity, "fit_rows": self.fit_rows, "onto": self.onto,
+            "perplexity": self.perplexity, "fit_rows": self.fit_rows, "onto": self.onto, "onto_latents": self.onto_latents,
         })
     }
 
-    /// The map of the session's latents: that of `map.arrow` in the output folder if it was made of the same latents with the same options,
-    /// else a new one, which is written there.
+    /// The map of a verb that has no options for it, which may have been asked for a seed.
+    pub(super) fn usual(given: &Given) -> Self {
+        Self { given: given.clone(), ..Self::default() }
+    }
+
+    /// The map of the session's latents with exactly these options: that of `map.arrow` in the output folder if it was made so, else a new one, which is
+    /// written there.
     pub(super) fn map(&self, session: &mut Session, globals: &Globals) -> anyhow::Result<MadeMap> {
+        self.map_unless(session, globals, false)
+    }
+
+    /// The same, but where no option and no seed was given, a map of the same latents that is there already, however it was made, so that one verb does not
+    /// replace the map that another one drew.
+    pub(super) fn map_or_other(&self, session: &mut Session, globals: &Globals) -> anyhow::Result<MadeMap> {
+        let own = options_of::<Self>();
+        let asked = self.given.first_of(own.iter().map(String::as_str).chain(["seed"]));
+        self.map_unless(session, globals, asked.is_none())
+    }
+
+    fn map_unless(&self, session: &mut Session, globals: &Globals, may_be_other: bool) -> anyhow::Result<MadeMap> {
         self.check_given()?;
         let path = session.out.join("map.arrow");
         let old = self.onto.as_deref().map(|map| OldMap::open(map, self.onto_latents.as_deref())).transpose()?;
@@ -199,37 +180,42 @@ impl MapOptions {
         if let Some(old) = &old {
             session.move_to(&old.origin);
         }
-        let recipe = json!({
-            "options": relative_paths(self.json(), &session.out), "seed": session.seed, "latents": checksum(&session.latents), "onto": old.as_ref().map(OldMap::checksum),
-        })
-        .to_string();
-        let made = match self.known(&path, &recipe, session, globals) {
-            Some(made) => made,
-            None => self.make(old.as_ref(), &path, recipe, session, globals)?,
+        let recipe = Recipe::new(self, session, old.as_ref());
+        let (made, recipe) = match There::at(&path, &recipe, session) {
+            There::Same(map) => {
+                say(globals, format_args!("map: {} is still right and used again", path.display()));
+                (self.known(map, &recipe), recipe)
+            }
+            There::OtherWay(map, other) if may_be_other => {
+                let how = other.differences(&recipe);
+                session.remark(format!(
+                    "the map that is there is drawn on, which has {how}; `vibes-analyze umap` makes another"
+                ));
+                (self.known(map, &other), other)
+            }
+            there => {
+                let made = self.make(old.as_ref(), &path, recipe.text(), session, globals)?;
+                there.replaced().into_iter().for_each(|remark| session.remark(remark));
+                (made, recipe)
+            }
         };
-        let rows = session.latents.len();
-        if old.is_none() && self.method != Method::Pca && rows > self.fit_rows {
-            let laid_out = self.fit_rows;
-            session.remark(format!(
-                "{laid_out} rows drawn from the {rows} were laid out, the others placed among them (--fit-rows {rows} lays out all)"
-            ));
-        }
+        remark_drawn(&recipe, session);
+        session.name_map(recipe.about());
         session.outcome.files.push(path);
         Ok(MadeMap { backdrop: old.map_or_else(Vec::new, |old| old.map.positions), ..made })
     }
 
-    /// The map that is there, if it is still right.
-    fn known(&self, path: &Path, recipe: &str, session: &Session, globals: &Globals) -> Option<MadeMap> {
-        let l = &session.latents;
-        let known =
-            MapTable::read(path).filter(|m| m.recipe == recipe && m.episode == l.episode && m.step == l.step)?;
-        say(globals, format_args!("map: {} is still right and used again", path.display()));
-        Some(MadeMap {
+    /// The map that is there.
+    fn known(&self, known: MapTable, recipe: &Recipe) -> MadeMap {
+        let named = |name: &str| <Method as clap::ValueEnum>::from_str(name, false).ok();
+        let method = recipe.option("method").as_str().and_then(named);
+        MadeMap {
             positions: known.positions,
             backdrop: Vec::new(),
             quality: serde_json::from_str(&known.quality).unwrap_or(Value::Null),
+            method: method.unwrap_or(self.method),
             how: ", used again".into(),
-        })
+        }
     }
 
     fn make(
@@ -267,7 +253,19 @@ impl MapOptions {
             latents: vibes_data::relative_place(&session.path, &session.out),
         };
         table.write(path)?;
-        Ok(MadeMap { positions: table.positions, backdrop: Vec::new(), quality, how })
+        Ok(MadeMap { positions: table.positions, backdrop: Vec::new(), quality, method: self.method, how })
+    }
+}
+
+/// Says of a large table that some of its rows were laid out and the others placed among them.
+fn remark_drawn(recipe: &Recipe, session: &mut Session) {
+    let rows = session.latents.len();
+    let is_placed = !recipe.option("onto").is_null() || recipe.option("method") == "pca";
+    let laid_out = recipe.option("fit_rows").as_u64().filter(|_| !is_placed).map(|fit_rows| fit_rows as usize);
+    if let Some(laid_out) = laid_out.filter(|laid_out| rows > *laid_out) {
+        session.remark(format!(
+            "{laid_out} rows drawn from the {rows} were laid out, the others placed among them (--fit-rows {rows} lays out all)"
+        ));
     }
 }
 

@@ -21,7 +21,7 @@ use vibes_measure::state_error::{StateError, state_error};
 /// Find the nearest neighbours of rows in the latent space, and draw them.
 ///
 /// neighbours.json holds `metric`, `k`, and for each query its row key `query` as [episode, step], its `neighbours` as [[episode, step], …],
-/// nearest first, and their `distance`s. Neighbours come from other episodes.
+/// nearest first, and their `distance`s. Neighbours come from other episodes, or as --exclude says.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     #[command(flatten)]
@@ -38,7 +38,8 @@ pub(super) struct Options {
     /// The distance: standardized (each dimension divided by its standard deviation over the table), euclidean or cosine.
     #[arg(long, default_value = "standardized")]
     metric: Metric,
-    /// How queries are drawn: `random`, or `mix` of half rows of high and half of low reward (above and below half of the largest).
+    /// How queries are drawn: `random`, or `mix` of half rows of high and half of low reward (above and below half of the largest; where none is above 0,
+    /// the middle between the smallest and the largest).
     #[arg(long, value_enum, default_value_t = Select::Random)]
     select: Select,
     /// Which rows cannot be neighbours: those of the query's `trajectory` (its episode), those of its `state` trajectory on a grid, or only the `row` itself
@@ -182,9 +183,9 @@ fn choose(options: &Options, session: &mut Session) -> anyhow::Result<Vec<usize>
 
 /// Half the queries of high reward, half of low; if there are too few of one kind, more of the other.
 fn mix(session: &Session, queries: usize, rng: &mut impl Rng) -> anyhow::Result<Vec<usize>> {
-    let Some(high) = high_reward(session) else {
+    let Some(high) = high_reward(&session.latents.reward) else {
         return Err(wrong(
-            "--select mix needs rewards, these latents have none (or all the same); use --select random",
+            "--select mix needs rewards that differ, these latents have none (or all the same); use --select random",
         ));
     };
     let side = |is_high: bool| -> Vec<usize> {
@@ -203,11 +204,11 @@ fn mix(session: &Session, queries: usize, rng: &mut impl Rng) -> anyhow::Result<
     Ok(chosen)
 }
 
-/// Half the largest reward: rows that earn at least this have a high one. None without rewards that differ.
-fn high_reward(session: &Session) -> Option<f32> {
-    let rewards = session.latents.reward.iter().flatten().copied().filter(|r| r.is_finite());
+/// From where on a reward is high: half the largest, or the middle of all where none is above 0, as where rewards are costs. None without rewards that differ.
+fn high_reward(rewards: &[Option<f32>]) -> Option<f32> {
+    let rewards = rewards.iter().flatten().copied().filter(|r| r.is_finite());
     let (lo, hi) = rewards.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), r| (lo.min(r), hi.max(r)));
-    (lo < hi && hi > 0.0).then_some(hi / 2.0)
+    (lo < hi).then_some(if hi > 0.0 { hi / 2.0 } else { lo / 2.0 + hi / 2.0 })
 }
 
 /// On a grid the nearest are usually other views of the query's own state, which shows invariance. Where a task has a symmetry, the question is which
@@ -300,7 +301,7 @@ fn draw(
             found.k()
         ));
     }
-    let high = high_reward(session);
+    let high = high_reward(&session.latents.reward);
     let latents = &session.latents;
     let thumb = |row: usize| {
         let (episode, step) = (latents.episode[row], latents.step[row]);
@@ -340,4 +341,18 @@ fn draw(
         session.remark(format!("{missing} pictures are missing from the recording and drawn as empty frames"));
     }
     Ok(line)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rewards_are_high_from_half_the_largest_on_and_costs_from_their_middle() {
+        assert_eq!(high_reward(&[Some(0.0), None, Some(1.0)]), Some(0.5));
+        assert_eq!(high_reward(&[Some(-2.0), Some(4.0)]), Some(2.0));
+        assert_eq!(high_reward(&[Some(-3.0), Some(-1.0), None]), Some(-2.0));
+        assert_eq!(high_reward(&[Some(-3.0), Some(0.0)]), Some(-1.5));
+        assert_eq!((high_reward(&[Some(-3.0), Some(-3.0)]), high_reward(&[None])), (None, None));
+    }
 }

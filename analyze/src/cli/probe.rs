@@ -92,6 +92,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let most = (!options.fit.is_empty()).then_some(options.probe_episodes);
     let given = json!({
         "fit": options.fit, "probe_episodes": most, "target": options.target, "fit_join": options.fit_join,
+        "fit_recording": options.fit_recording,
     });
     let mut session = Session::open_with(&options.input, globals, "probe", given, &options.target)?;
     let judged = open_judged(options, &mut session)?;
@@ -119,7 +120,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         chart.rows.truncate(CHARTED);
     }
     session.save(&Figure::ProbeChart(chart), "probes")?;
-    let line = line(&shown, fitted.as_ref());
+    let line = line(&shown, &asked.single, fitted.as_ref());
     Ok(session.finish(line))
 }
 
@@ -133,13 +134,14 @@ fn fitted_on(options: &Options, fitted: Option<&Rows>, out: &Path) -> Value {
     json!({ "numbers": numbers, "classes": "cross-validation" })
 }
 
-/// The verb's line of result.
-fn line(shown: &Shown<'_>, fitted: Option<&Rows>) -> String {
-    let mean = |section: &str| {
-        shown.mean(section).map_or_else(|| "nothing (none varies)".into(), |mean| format!("a mean of {mean:.3}"))
+/// The verb's line of result; `single` are the sections of what was left out because it is of one trajectory.
+fn line(shown: &Shown<'_>, single: &[&'static str], fitted: Option<&Rows>) -> String {
+    let mean = |section: &'static str| {
+        let none = if single.contains(&section) { "nothing (none can be held out)" } else { "nothing (none varies)" };
+        shown.mean(section).map_or_else(|| none.to_owned(), |mean| format!("a mean of {mean:.3}"))
     };
-    let own =
-        if shown.sections.contains(&TARGETS) { format!(", of your columns {}", mean(TARGETS)) } else { String::new() };
+    let has_own = shown.sections.contains(&TARGETS) || single.contains(&TARGETS);
+    let own = if has_own { format!(", of your columns {}", mean(TARGETS)) } else { String::new() };
     let probes = fitted.map_or_else(
         || "cross-validated linear probes".to_owned(),
         |rows| format!("linear probes fitted on {} episodes of other recordings", rows.episodes.0),
@@ -244,6 +246,8 @@ struct Read {
     sections: Vec<&'static str>,
     own: Vec<Quantity>,
     theirs: Vec<Quantity>,
+    /// The sections of quantities that vary, but have one trajectory alone.
+    single: Vec<&'static str>,
 }
 
 impl Read {
@@ -263,6 +267,7 @@ impl Read {
             if is_fitted_elsewhere || held_out_trajectories(table, own.hold_out)? > 1 {
                 kept.push(section, own, theirs);
             } else {
+                kept.single.push(section);
                 single.push(own.name);
             }
         }

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use serde_json::{Value, json};
+use vibes_command::Given;
 use vibes_data::{RunFolder, is_same_place, whole};
 
 use super::maps::MapOptions;
@@ -29,6 +30,8 @@ use words::{Verb, questions};
 /// points are coloured by any column. The page needs no network and no other file.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
+    #[command(flatten)]
+    given: Given,
     /// Run folders, or tables of latents; the newest latents unless named.
     #[arg(value_name = "RUN")]
     runs: Vec<PathBuf>,
@@ -199,7 +202,8 @@ fn chapter(
         let fact = if options.no_frames { "are shown without their recording" } else { "name no recording" };
         page.map_remarks.push(format!("the latents of {title} {fact}, so there are no frames"));
     }
-    let made = MapOptions::default().map(&mut session, globals)?;
+    let made = MapOptions::usual(&options.given).map_or_other(&mut session, globals)?;
+    take_remarks(options, &mut session, &title, &mut page.remarks);
     page.maps.push(live_map(options, &session, &title, &made, frames.as_ref())?);
     let rotates = frames.as_ref().is_some_and(symmetry::applies);
     let (mut sections, mut documents) = (Vec::new(), BTreeMap::new());
@@ -225,6 +229,21 @@ fn chapter(
     let from = l.source.checkpoint.as_deref().map_or_else(String::new, |c| format!(", encoded by {}", names(c)));
     let origin = format!("{} rows of {} dimensions{from}; map: {}", l.len(), l.dims, made.quality_text());
     Ok((Chapter { title, origin, sections }, documents))
+}
+
+/// Puts what was said of opening the latents and of their map, such as rows that a joined table lacks, among the page's remarks, each once.
+fn take_remarks(options: &Options, session: &mut Session, title: &str, remarks: &mut Vec<String>) {
+    let of = if options.runs.len() > 1 { format!("{title}: ") } else { String::new() };
+    for remark in std::mem::take(&mut session.outcome.remarks) {
+        // Where a joined table lies on this machine is nobody's business.
+        let named = options.join.iter().fold(remark, |remark, table| {
+            remark.replace(&table.display().to_string(), &shown_names(std::slice::from_ref(table)))
+        });
+        let remark = format!("{of}{named}");
+        if !remarks.contains(&remark) {
+            remarks.push(remark);
+        }
+    }
 }
 
 /// What the verbs that a report runs may print: nothing.

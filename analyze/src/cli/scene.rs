@@ -60,7 +60,8 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         }
         _ => {}
     }
-    let given = json!({ "map": options.map.json(), "episodes": options.episodes, "max_rows": options.max_rows, "k": options.k, "color": options.color });
+    let given =
+        json!({ "episodes": options.episodes, "max_rows": options.max_rows, "k": options.k, "color": options.color });
     let color: Vec<String> = options.color.iter().cloned().collect();
     let mut session = Session::open_with(&options.input, globals, "scene", given, &color)?;
     let (rows, episodes) = choose(options, &session)?;
@@ -68,7 +69,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     if frames.is_none() && !session.without_frames() {
         session.remark("these latents name no recording, so the scene has no pictures (name one with --recording)");
     }
-    let made = options.map.map(&mut session, globals)?;
+    let made = options.map.map_or_other(&mut session, globals)?;
     let (k, exclude) = match rows_elsewhere(&session.latents.episode) {
         0 => {
             session.remark("these latents are of one episode, so that its own rows count as neighbours");

@@ -238,6 +238,11 @@ impl Session {
         }
     }
 
+    /// Says in every output that is still to be written how the map was made that the verb draws on.
+    pub(super) fn name_map(&mut self, how: Value) {
+        self.about["map"] = how;
+    }
+
     /// Whether the user asked for some of the rows only.
     pub(super) fn chooses_rows(&self) -> bool {
         self.input.table.rows.is_some()
@@ -253,13 +258,12 @@ impl Session {
         Heading::new(title).with_note(self.input.table.note.clone())
     }
 
-    /// Writes a figure and lists its files. Where another of this session has the name already, as that of a user's column called like one of ours, it is numbered.
+    /// Writes a figure and lists its files, or says why it is left out. Where another of this session has the name already, as that of a user's column called like one of ours, it is numbered.
     pub(super) fn save(&mut self, figure: &Figure, stem: &str) -> anyhow::Result<()> {
         let is_taken = |name: &str| self.outcome.files.contains(&self.out.join(format!("{name}.png")));
         let numbered = (2..).map(|number| format!("{stem}-{number}"));
         let free = std::iter::once(stem.to_owned()).chain(numbered).find(|name| !is_taken(name));
-        self.outcome.files.extend(figure.save(&self.out, free.as_deref().unwrap_or(stem))?);
-        Ok(())
+        self.outcome.save(figure, &self.out, free.as_deref().unwrap_or(stem))
     }
 
     /// Writes numbers as `STEM.json` with a first field `about` that says where they come from, and keeps them as the verb's result.
@@ -293,7 +297,8 @@ impl Session {
 }
 
 /// Options that name files or folders.
-const PATHS: [&str; 5] = ["tables", "fit", "fit_join", "rotated", "onto"];
+const PATHS: [&str; 8] =
+    ["tables", "fit", "fit_join", "fit_recording", "rotated", "rotated_recording", "onto", "onto_latents"];
 
 /// Options with what they name seen from the folder `out`, so that outputs can be moved together with it.
 pub(super) fn relative_paths(options: Value, out: &Path) -> Value {

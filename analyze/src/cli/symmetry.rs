@@ -1,22 +1,20 @@
 //! `symmetry`: does the latent know that turning Reacher's arm and goal together changes nothing that matters?
 
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+mod rows;
 
-use rand::Rng;
+use std::path::PathBuf;
+
 use rand::seq::SliceRandom;
-use rand::seq::index::sample;
 use serde_json::json;
 use vibes_data::{About, Latents, Spec};
 
 use super::invariance::{ends, text};
 use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
-use crate::actions::action_features;
 use crate::figures::{Bar, BarGroup, Bars, Figure, NeighbourSheet, SheetColumn, Thumb};
-use crate::input::{Asked, Frames, Origin, ReadLatents, find_recording, read_beside};
+use crate::input::Frames;
 use crate::output::Column;
-use vibes_measure::Table;
+use rows::Rows;
 use vibes_measure::intervals::Interval;
 use vibes_measure::numbers::{Number, Numbers};
 use vibes_measure::symmetry::{
@@ -60,9 +58,6 @@ impl Options {
 /// Pairs shown as pictures.
 const SHOWN: usize = 6;
 
-/// Rows that show one state, once as it is and once turned or reflected.
-type Pairs = Vec<(usize, usize)>;
-
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
     if options.pairs == 0 {
         return Err(wrong("--pairs is 0; at least one must be compared"));
@@ -71,7 +66,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         &options.input,
         globals,
         "symmetry",
-        json!({ "pairs": options.pairs, "tolerance": options.tolerance, "rotated": options.rotated }),
+        json!({ "pairs": options.pairs, "tolerance": options.tolerance, "rotated": options.rotated, "rotated_recording": options.rotated_recording }),
     )?;
     let frames = session.needed_frames("symmetry")?;
     if frames.recording().manifest().spec.pixels.is_none() {
@@ -83,7 +78,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let asked = SymmetryOptions { pairs: options.pairs, tolerance: options.tolerance, ..SymmetryOptions::default() };
     let mut rng = session.rng();
     let mut all_states = states(&session.latents, &frames)?;
-    let mut rows = Rows { latents: session.latents.clone(), frames: vec![frames], own: session.latents.len() };
+    let mut rows = Rows::new(session.latents.clone(), frames);
     let pairs = match &options.rotated {
         None => rotated_pairs(&rows.table()?, &all_states, asked, &mut rng)?,
         Some(path) => {
@@ -101,7 +96,8 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let distances = ReacherState::distance_table(&all_states);
     let of_distance = symmetry(&rows.table_of(1, &distances)?, &drawn, asked, &mut session.rng()).ok();
     let numbers = numbers(&measured, of_actions.as_ref());
-    let bars = bars(&session, &measured, of_actions.as_ref(), of_distance.as_ref());
+    let groups = groups(&measured, of_actions.as_ref(), of_distance.as_ref());
+    let bars = Bars { heading: session.heading("Is the latent symmetric under rotation?"), groups };
     session.save(&Figure::Bars(bars), "symmetry")?;
     let sheet = sheet(&session, &rows, &measured);
     session.save(&Figure::NeighbourSheet(sheet), "symmetry-pairs")?;
@@ -109,7 +105,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let pairs: Vec<_> = measured
         .pairs
         .iter()
-        .map(|p| json!({ "row": key(p.row), "rotated": key(p.rotated), "latent": p.latent, "image": p.image, "matched": key(p.matched), "matched_is_rotated": p.matched >= rows.own, "matched_latent": p.matched_latent, "matched_image": p.matched_image }))
+        .map(|p| json!({ "row": key(p.row), "rotated": key(p.rotated), "latent": p.latent, "image": p.image, "matched": key(p.matched), "matched_is_rotated": rows.is_rotated(p.matched), "matched_latent": p.matched_latent, "matched_image": p.matched_image }))
         .collect();
     let of_distance = of_distance.as_ref().map(|control| self::numbers(control, None));
     session.write_json("symmetry", &json!({ "numbers": numbers, "distance_only": of_distance, "pairs": pairs }))?;
@@ -132,127 +128,13 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     ];
     session.write_arrow("symmetry", &columns)?;
     let line = format!(
-        "symmetry: rotated pairs are {} times as far apart as pairs that look as different (0 is symmetric, 1 is not), over {} pairs; a twin is nearer than {} of the rows that look as different, {} of those whose target is equally far (0.5 says nothing)",
+        "symmetry: rotated pairs are {} times as far apart as pairs that look as different (0 is symmetric, 1 is not), over {} pairs; a twin is nearer than {} of the rows that look as different, {} of those whose target is as far as the twin's (0.5 says nothing)",
         text(&measured.ratio),
         measured.pairs.len(),
         text(&measured.percentile),
         text(&measured.percentile_equal_distance)
     );
     Ok(session.finish(line))
-}
-
-/// The rows that are compared: the table's own, and after them rotated ones of another recording, under episode numbers of their own.
-struct Rows {
-    latents: Latents,
-    /// The recording of the own rows, and that of the rotated ones.
-    frames: Vec<Frames>,
-    own: usize,
-}
-
-impl Rows {
-    fn table(&self) -> Result<Table<'_>, vibes_measure::Error> {
-        self.table_of(self.latents.dims, &self.latents.latent)
-    }
-
-    /// Other features of the same rows.
-    fn table_of<'a>(&'a self, dims: usize, values: &'a [f32]) -> Result<Table<'a>, vibes_measure::Error> {
-        let l = &self.latents;
-        Table::new(dims, values, &l.episode, &l.step)?.with_grid(&l.state, &l.distractor)
-    }
-
-    /// Features of past actions of all rows, with their dimensions.
-    fn past_actions(&self) -> (usize, Vec<f32>) {
-        let part = |rows: std::ops::Range<usize>| Latents {
-            episode: rows.clone().map(|row| self.key(row)[0]).collect(),
-            step: self.latents.step[rows].to_vec(),
-            ..Latents::default()
-        };
-        let (dims, mut values) = action_features(&part(0..self.own), &self.frames[0]);
-        if let Some(frames) = self.frames.get(1) {
-            values.extend(action_features(&part(self.own..self.latents.len()), frames).1);
-        }
-        (dims, values)
-    }
-
-    /// What is added to the episode numbers of rotated rows.
-    fn shift(&self) -> u32 {
-        self.latents.episode[..self.own].iter().max().map_or(0, |last| last + 1)
-    }
-
-    /// The row key in its own recording.
-    fn key(&self, row: usize) -> [u32; 2] {
-        let shift = if row < self.own { 0 } else { self.shift() };
-        [self.latents.episode[row] - shift, self.latents.step[row]]
-    }
-
-    fn frames(&self, row: usize) -> &Frames {
-        &self.frames[usize::from(row >= self.own).min(self.frames.len() - 1)]
-    }
-
-    /// Root mean square difference of two rows' pictures, of 255.
-    fn image_distance(&self, a: usize, b: usize) -> f64 {
-        let pixels = |row: usize| {
-            let [episode, step] = self.key(row);
-            self.frames(row).view(episode).map_or(&[][..], |view| view.pixels(step as usize))
-        };
-        let (a, b) = (pixels(a), pixels(b));
-        let sum: u64 = a.iter().zip(b).map(|(&x, &y)| u64::from(x.abs_diff(y)).pow(2)).sum();
-        (sum as f64 / a.len().max(1) as f64).sqrt()
-    }
-
-    /// Adds the rotated latents and pairs every row, or as many as are asked for, with its own rotation.
-    fn append_rotated(
-        &mut self,
-        (path, recording): (&Path, Option<&Path>),
-        origin: &Origin,
-        all_states: &mut Vec<ReacherState>,
-        options: SymmetryOptions,
-        rng: &mut impl Rng,
-    ) -> anyhow::Result<(Pairs, Vec<String>)> {
-        // Distances between the two tables are measured, which must be about one origin.
-        let ReadLatents { latents: turned, remarks, .. } = read_beside(path, &Asked::default(), origin)?;
-        let l = &mut self.latents;
-        if turned.dims != l.dims {
-            return Err(wrong(format!(
-                "the rotated latents have {} dimensions, the others {}: {}",
-                turned.dims,
-                l.dims,
-                path.display()
-            )));
-        }
-        let named = turned.source.recording.as_deref().and_then(|named| find_recording(named, path));
-        let missing = || {
-            wrong(format!(
-                "the recording of the rotated latents is not there; name it with --rotated-recording: {}",
-                path.display()
-            ))
-        };
-        let recording = recording.map(Path::to_path_buf).or(named).ok_or_else(missing)?;
-        let frames = Frames::open(&recording, &turned)?;
-        let states_of_turned = states(&turned, &frames)?;
-        let at: HashMap<(u32, u32), usize> =
-            (0..turned.len()).map(|row| ((turned.episode[row], turned.step[row]), row)).collect();
-        let partner = |row: usize| Some((row, *at.get(&(l.episode[row], l.step[row]))?));
-        let mut pairs: Vec<(usize, usize)> = (0..self.own).filter_map(partner).collect();
-        let is_rotation = |&(a, b): &(usize, usize)| all_states[a].is_rotation_of(states_of_turned[b], options);
-        if pairs.is_empty() || !pairs.iter().all(is_rotation) {
-            return Err(wrong(format!(
-                "the rows of these latents are not rotations of the others' (by at least 45 degrees, within {} m); make them with `vibes-collect render --rotate`: {}",
-                options.tolerance,
-                recording.display()
-            )));
-        }
-        pairs = sample(rng, pairs.len(), pairs.len().min(options.pairs)).into_iter().map(|at| pairs[at]).collect();
-        let shift = l.episode.iter().max().map_or(0, |last| last + 1);
-        l.episode.extend(turned.episode.iter().map(|episode| episode + shift));
-        l.step.extend(&turned.step);
-        l.state.extend(&turned.state);
-        l.distractor.extend(&turned.distractor);
-        l.latent.extend(&turned.latent);
-        self.frames.push(frames);
-        all_states.extend(states_of_turned);
-        Ok((pairs.into_iter().map(|(row, turned)| (row, self.own + turned)).collect(), remarks))
-    }
 }
 
 /// Whether the recording is of a task with the symmetry, and has all that the measure needs.
@@ -314,7 +196,8 @@ fn numbers(measured: &Symmetry, of_actions: Option<&Symmetry>) -> Numbers {
     .collect()
 }
 
-fn bars(session: &Session, measured: &Symmetry, of_actions: Option<&Symmetry>, of_distance: Option<&Symmetry>) -> Bars {
+/// The numbers of the latent and of both controls, one axis for each. The titles are as long as a column is wide.
+fn groups(measured: &Symmetry, of_actions: Option<&Symmetry>, of_distance: Option<&Symmetry>) -> Vec<BarGroup> {
     let sources =
         [("latent", Some(measured)), ("past actions only", of_actions), ("distance to target only", of_distance)];
     let group = |axis: &str, range, of: fn(&Symmetry) -> Interval, chance: f64| BarGroup {
@@ -331,25 +214,15 @@ fn bars(session: &Session, measured: &Symmetry, of_actions: Option<&Symmetry>, o
             })
             .collect(),
     };
+    let ratio = "latent distance: rotated twin / row as different (0: symmetric)";
+    let of_different = "share farther than the twin, among rows that look as different";
+    let of_equal = "share farther than the twin, among rows whose target is as far";
     let whole = Some((0.0, 1.0));
-    Bars {
-        heading: session.heading("Is the latent symmetric under rotation?"),
-        groups: vec![
-            group(
-                "latent distance to the rotated twin / to a row that looks as different: 0 is symmetric",
-                None,
-                |s| s.ratio,
-                1.0,
-            ),
-            group(
-                "share of rows that look as different and lie farther away than the twin",
-                whole,
-                |s| s.percentile,
-                0.5,
-            ),
-            group("the same among rows whose target is equally far", whole, |s| s.percentile_equal_distance, 0.5),
-        ],
-    }
+    vec![
+        group(ratio, None, |s| s.ratio, 1.0),
+        group(of_different, whole, |s| s.percentile, 0.5),
+        group(of_equal, whole, |s| s.percentile_equal_distance, 0.5),
+    ]
 }
 
 /// Some pairs: the row, its rotation, the row whose picture is as far away.
@@ -369,5 +242,32 @@ fn sheet(session: &Session, rows: &Rows, measured: &Symmetry) -> NeighbourSheet 
         heading: session.heading("A row, a rotation of its state (1), a picture as different (2)"),
         distance: "standardized L2 distance".into(),
         columns: pairs.iter().take(SHOWN).map(column).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::figures::Heading;
+    use crate::picture::Shape;
+
+    /// The end of a title says which number would be symmetric, or among which rows a share is taken.
+    #[test]
+    fn no_title_of_an_axis_is_cut() {
+        let number = Interval { estimate: 0.4, low: 0.2, high: 0.6 };
+        let measured =
+            Symmetry { ratio: number, percentile: number, percentile_equal_distance: number, pairs: Vec::new() };
+        let bars = Bars {
+            heading: Heading::new("Is the latent symmetric under rotation?"),
+            groups: groups(&measured, Some(&measured), Some(&measured)),
+        };
+        let picture = bars.draw();
+        let written = |wanted: &str| {
+            picture.shapes.iter().any(|shape| matches!(shape, Shape::Text { text, .. } if text.as_str() == wanted))
+        };
+        for group in &bars.groups {
+            assert!(written(&group.axis), "{} is cut", group.axis);
+            assert!(group.bars.iter().all(|bar| written(&bar.label)), "a label is cut");
+        }
     }
 }

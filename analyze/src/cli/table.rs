@@ -16,8 +16,8 @@ use crate::scores::{Mark, RunScore, ScoreTable, Style, score_table};
 
 /// Write a table over runs: mean and 95% interval of any metric, by any keys.
 ///
-/// The best of each column is bold, and those whose interval overlaps with its are underlined. A run's metric is that of `vibes-train evaluate` of the newest checkpoint that it judged, else of its last evaluation, else the mean of its last tenth. Keys are what run.json holds (`objective`, `task`, `seed`, or in full `options.model.latent`) and `run`,
-/// the folder's name; of a table of results they are its columns. Written as Markdown, LaTeX, CSV, Parquet and as a figure.
+/// The best of each column is bold, and those whose interval overlaps with its are underlined. A run's metric is that of `vibes-train evaluate` of the newest checkpoint that it judged, else of its last evaluation, else the mean of its last tenth. Keys are what run.json holds (`objective`, `task`, `seed`: what the run was
+/// asked to do, or in full, as in `model.reward_scale`, what came of it) and `run`, the folder's name; of a table of results they are its columns. Written as Markdown, LaTeX, CSV, Parquet and as a figure.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     /// Run folders, or tables of results (CSV, Parquet, Arrow) with a row a run.
@@ -63,7 +63,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let text = table.text(&corner, averages, Style::Terminal { ansi: terminal });
     let out = options.output.clone().unwrap_or_else(|| beside(&options.runs[0]));
     std::fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
-    let mut files = write(&out, &table, &corner, averages)?;
+    let mut outcome = Outcome { files: write(&out, &table, &corner, averages)?, ..Outcome::default() };
     let title = match metrics.as_slice() {
         [only] => format!("{}, mean and 95% interval over runs", only.title),
         _ => "Mean and 95% interval over runs".into(),
@@ -85,34 +85,33 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     )?;
     let path = out.join("table.json");
     output::write_json(&path, &document)?;
-    files.push(path);
-    let mut remarks = results.remarks();
+    outcome.files.push(path);
+    outcome.json = document;
+    outcome.remarks = results.remarks();
     if !without.is_empty() {
         let lack: Vec<String> = without.iter().map(|(method, count)| format!("{count} of {method}")).collect();
-        remarks.push(format!(
+        outcome.remarks.push(format!(
             "{} of {rows} runs have no such number and are left out: {}",
             without.values().sum::<usize>(),
             lack.join(", ")
         ));
     }
     if table.methods.len() > DRAWN {
-        remarks.push(format!(
-            "no figure of {} rows is drawn (at most {DRAWN}); all are in the other files",
-            table.methods.len()
-        ));
+        let fact = format!("it would have {} rows, and at most {DRAWN} are drawn", table.methods.len());
+        outcome.leave_out(&out, "table", &fact);
     } else {
-        files.extend(Figure::Table(figure(heading, &table, &corner, averages, of)).save(&out, "table")?);
+        outcome.save(&Figure::Table(figure(heading, &table, &corner, averages, of)), &out, "table")?;
     }
     let names: Vec<&str> = metrics.iter().map(|metric| metric.name.as_str()).collect();
     let body: Vec<String> = text.lines().map(|line| format!("  {line}")).collect();
     let marks = if terminal { "bold: best; underlined" } else { "*: best; ~" };
-    let line = format!(
+    outcome.line = format!(
         "table: {} of {rows} {} by {corner} ({marks}: its 95% interval overlaps with the best's)\n{}",
         names.join(", "),
         if rows == 1 { "run" } else { "runs" },
         body.join("\n")
     );
-    Ok(Outcome { line, remarks, files, json: document })
+    Ok(outcome)
 }
 
 /// The metrics asked for, or those that the results have.

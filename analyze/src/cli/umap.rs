@@ -10,7 +10,8 @@ use crate::figures::{Coloring, Figure, Map};
 /// Draw a map of the latents, coloured by step, state, distractor and reward.
 ///
 /// map.arrow holds the places (episode, step, x, y). The neighbour graph is kept in graph.arrow, and another layout of the same latents (--min-dist,
-/// --spread, --epochs, --seed, fewer --neighbours) reuses it. --onto places new latents of the same model on an old map.
+/// --spread, --epochs, --seed, fewer --neighbours) reuses it. grid, clusters, scene and report draw on this map where it lies in their folder and they are
+/// asked for no option of a map. --onto places new latents of the same model on an old map.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
     #[command(flatten)]
@@ -20,27 +21,34 @@ pub(super) struct Options {
     /// Columns to colour the map by as well: of the latents' table or of one that is joined.
     #[arg(long, value_name = "COLUMN,…", value_delimiter = ',')]
     color: Vec<String>,
+    /// Whether the map is what was asked for, and has the options that stand here; run by another verb it draws on the map that is there.
+    #[arg(skip = true)]
+    is_asked_for: bool,
 }
 
 impl Options {
     /// The options of a verb that is run by another: what is not named has its default.
     pub(super) fn of(input: TableInput) -> Self {
-        Self { input, map: MapOptions::default(), color: Vec::new() }
+        Self { input, map: MapOptions::default(), color: Vec::new(), is_asked_for: false }
     }
 }
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
-    let mut about = options.map.json();
+    let mut about = if options.is_asked_for { options.map.json() } else { json!({}) };
     about["color"] = json!(options.color);
     let mut session = Session::open_with(&(&options.input).into(), globals, "umap", about, &options.color)?;
     let began = std::time::Instant::now();
-    let made = options.map.map(&mut session, globals)?;
+    let made = if options.is_asked_for {
+        options.map.map(&mut session, globals)?
+    } else {
+        options.map.map_or_other(&mut session, globals)?
+    };
     let seconds = began.elapsed().as_secs_f64();
     for (stem, coloring, title) in colorings(&session)? {
         let heading = session.heading(format!("{} latents, coloured by {title}", thousands(session.latents.len())));
         let map = Map {
             heading,
-            axes: options.map.method.name().into(),
+            axes: made.method.name().into(),
             points: made.points(),
             backdrop: made.backdrop(),
             coloring,
@@ -51,7 +59,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let line = format!(
         "umap: {} latents by {} in {seconds:.1} s{}, {}",
         session.latents.len(),
-        options.map.method.name(),
+        made.method.name(),
         made.how,
         made.quality_text()
     );

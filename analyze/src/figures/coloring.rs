@@ -44,22 +44,48 @@ pub enum Coloring {
     },
 }
 
-impl Coloring {
+/// What the values of all points are told apart by: the range of a quantity, or the kinds that occur, in order.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Scale {
     /// The range of a quantity.
-    pub(super) fn range(&self) -> (f64, f64) {
+    pub(super) range: (f64, f64),
+    kinds: Vec<u32>,
+}
+
+impl Coloring {
+    /// The colouring of a figure that shows these points alone: where there are more kinds than colours, kinds of no such point are none, and take no
+    /// colour from those that are shown. Where there are not, every figure of a table has the same colours.
+    pub(super) fn of_shown(&self, points: impl Iterator<Item = usize>) -> Self {
         match self {
-            Self::Quantity { values, .. } => range(values),
-            Self::Kind { .. } => (0.0, 1.0),
+            Self::Kind { name, kinds, names } if self.kinds().len() > TEN.len() => {
+                let mut shown = vec![None; kinds.len()];
+                points.for_each(|point| shown[point] = kinds[point]);
+                Self::Kind { name: name.clone(), kinds: shown, names: names.clone() }
+            }
+            _ => self.clone(),
         }
     }
 
-    /// The number of a point's colour: a 64th of the range, or the kind; −1 for none.
-    pub(super) fn level(&self, i: usize, (lo, hi): (f64, f64)) -> i64 {
+    /// The scale of all points, by which every part of a figure is coloured.
+    pub(super) fn scale(&self) -> Scale {
+        let range = match self {
+            Self::Quantity { values, .. } => range(values),
+            Self::Kind { .. } => (0.0, 1.0),
+        };
+        Scale { range, kinds: self.kinds() }
+    }
+
+    /// The number of a point's colour: a 64th of the range, or the kind's place among those that occur, so that ten kinds have ten colours whatever
+    /// their numbers; −1 for none.
+    pub(super) fn level(&self, i: usize, Scale { range: (lo, hi), kinds: occurring }: &Scale) -> i64 {
         match self {
             Self::Quantity { values, .. } if values[i].is_finite() => {
                 ((values[i] - lo) / (hi - lo).max(1e-12) * (LEVELS - 1.0)).round() as i64
             }
-            Self::Kind { kinds, .. } => kinds[i].map_or(-1, |k| i64::from(k) % TEN.len() as i64),
+            Self::Kind { kinds, .. } => {
+                let place = kinds[i].and_then(|kind| occurring.binary_search(&kind).ok());
+                place.map_or(-1, |place| (place % TEN.len()) as i64)
+            }
             Self::Quantity { .. } => -1,
         }
     }
@@ -75,32 +101,28 @@ impl Coloring {
 
     /// The colours of the kinds in a legend, in the order of their names.
     pub(super) fn colors(&self) -> Vec<Color> {
-        self.kinds().iter().map(|&k| self.color(i64::from(k) % TEN.len() as i64)).collect()
+        TEN.into_iter().take(self.kinds().len()).collect()
     }
 
+    /// The kinds that occur, in order; none of a quantity.
     fn kinds(&self) -> Vec<u32> {
         let Self::Kind { kinds, .. } = self else { return Vec::new() };
-        kinds.iter().flatten().copied().collect::<BTreeSet<_>>().into_iter().take(TEN.len()).collect()
+        kinds.iter().flatten().copied().collect::<BTreeSet<_>>().into_iter().collect()
     }
 
-    /// The names of the kinds in a legend; none of a quantity.
+    /// The names of the kinds in a legend, as many as there are colours; none of a quantity.
     pub(super) fn names(&self) -> Vec<String> {
-        let Self::Kind { name, kinds, names: called } = self else { return Vec::new() };
-        if !called.is_empty() {
+        let Self::Kind { name, names: called, .. } = self else { return Vec::new() };
+        let occurring = self.kinds();
+        let shown = occurring.iter().take(TEN.len());
+        let mut names: Vec<String> = if called.is_empty() {
+            let short = |(at, kind): (usize, &u32)| if at == 0 { format!("{name} {kind}") } else { kind.to_string() };
+            shown.enumerate().map(short).collect()
+        } else {
             let of_kind = |&kind: &u32| called.get(kind as usize).map_or("", String::as_str);
-            let short = |text: &str| fit(text, LABEL_SIZE, Weight::Regular, 90.0);
-            let mut names: Vec<String> = self.kinds().iter().map(|kind| short(of_kind(kind))).collect();
-            if let Some(last) = names.last_mut().filter(|_| called.len() > TEN.len()) {
-                last.push_str(" (colours repeat)");
-            }
-            return names;
-        }
-        let largest = kinds.iter().flatten().max().copied().unwrap_or(0);
-        let mut names: Vec<String> = self.kinds().iter().map(|k| format!("{name} {k}")).collect();
-        for short in names.iter_mut().skip(1) {
-            *short = short.trim_start_matches(name.as_str()).trim().to_string();
-        }
-        if let Some(last) = names.last_mut().filter(|_| largest as usize >= TEN.len()) {
+            shown.map(|kind| fit(of_kind(kind), LABEL_SIZE, Weight::Regular, 90.0)).collect()
+        };
+        if let Some(last) = names.last_mut().filter(|_| occurring.len() > TEN.len()) {
             last.push_str(" (colours repeat)");
         }
         names
@@ -112,4 +134,50 @@ pub(super) fn range(values: &[f64]) -> (f64, f64) {
     let finite = values.iter().filter(|v| v.is_finite());
     let (lo, hi) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), &v| (lo.min(v), hi.max(v)));
     if lo <= hi { (lo, hi) } else { (0.0, 1.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn states(kinds: &[Option<u32>]) -> Coloring {
+        Coloring::Kind { name: "state".into(), kinds: kinds.to_vec(), names: Vec::new() }
+    }
+
+    fn levels(coloring: &Coloring, points: usize) -> Vec<i64> {
+        let scale = coloring.scale();
+        (0..points).map(|i| coloring.level(i, &scale)).collect()
+    }
+
+    #[test]
+    fn two_kinds_have_two_colours_whatever_their_numbers() {
+        let two = states(&[Some(13), Some(3), None, Some(13)]);
+        assert_eq!(levels(&two, 4), [1, 0, -1, 1]);
+        assert_eq!((two.colors(), two.names()), (TEN[..2].to_vec(), vec!["state 3".to_owned(), "13".to_owned()]));
+        let called = Coloring::Kind {
+            name: "weather".into(),
+            kinds: vec![Some(12), Some(2)],
+            names: (0..13).map(|kind| format!("kind {kind}")).collect(),
+        };
+        assert_eq!((levels(&called, 2), called.names()), (vec![1, 0], vec!["kind 2".to_owned(), "kind 12".to_owned()]));
+    }
+
+    #[test]
+    fn kinds_that_are_not_shown_take_no_colour_from_those_that_are() {
+        let many: Vec<Option<u32>> = (0..12).map(Some).collect();
+        let two = states(&many).of_shown([0, 10].into_iter());
+        let levels = levels(&two, 12);
+        assert_eq!((levels[0], levels[10], two.names().len()), (0, 1, 2));
+        let few = states(&many[..4]);
+        assert_eq!(few.of_shown([1, 3].into_iter()), few, "colours as in the other figures");
+    }
+
+    #[test]
+    fn kinds_beyond_the_colours_repeat_them_and_the_legend_says_so() {
+        let many: Vec<Option<u32>> = (0..12).map(|kind| Some(kind * 5)).collect();
+        let many = states(&many);
+        assert_eq!(levels(&many, 12)[9..], [9, 0, 1]);
+        assert_eq!((many.colors().len(), many.names().len()), (10, 10));
+        assert_eq!(many.names()[9], "45 (colours repeat)");
+    }
 }

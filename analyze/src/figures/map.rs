@@ -59,7 +59,7 @@ impl Map {
         });
         frame(&mut picture, area, &self.axes);
         if let Coloring::Quantity { name, .. } = &self.coloring {
-            let (lo, hi) = self.coloring.range();
+            let (lo, hi) = self.coloring.scale().range;
             legend::color_bar(&mut picture, Rect::new(area.right() + 6.0, area.y, 7.0, area.h), lo, hi, name);
         } else {
             let at = (8.0, area.bottom() + 14.0);
@@ -76,12 +76,12 @@ impl Map {
     /// Points by colour, in eight passes over the table, so that no colour always lies on top.
     fn layers(&self, centers: &[Point], every: usize) -> Vec<(Vec<Point>, Color)> {
         const PASSES: usize = 8;
-        let range = self.coloring.range();
+        let scale = self.coloring.scale();
         let mut layers: BTreeMap<(usize, i64), Vec<Point>> = BTreeMap::new();
         for (i, &center) in centers.iter().enumerate().step_by(every) {
             // A fixed hash of the row spreads neighbours in time over the passes.
             let pass = (i.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) % PASSES;
-            layers.entry((pass, self.coloring.level(i, range))).or_default().push(center);
+            layers.entry((pass, self.coloring.level(i, &scale))).or_default().push(center);
         }
         layers.into_iter().map(|((_, level), list)| (list, self.coloring.color(level))).collect()
     }

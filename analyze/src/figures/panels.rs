@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::coloring::Coloring;
+use super::coloring::{Coloring, Scale};
 use super::heading::Heading;
 use super::legend::{self, BAR_ROOM, Mark};
 use super::map::{aspect, fit_points};
@@ -59,7 +59,9 @@ impl Panels {
         let (left, gap) = (18.0, 2.5);
         let side = ((width - left - BAR_ROOM) / columns as f64 - gap).min(90.0);
         let high = side * aspect(&self.points);
-        let names = self.coloring.as_ref().map_or_else(Vec::new, Coloring::names);
+        let shown = self.panels.iter().flat_map(|panel| panel.rows.iter().copied());
+        let coloring = self.coloring.as_ref().map(|coloring| coloring.of_shown(shown));
+        let names = coloring.as_ref().map_or_else(Vec::new, Coloring::names);
         let key = legend::label_height(&names, width - 12.0);
         let body = rows as f64 * (high + gap) + 4.0;
         let (mut picture, top) = self.heading.picture(width, 21.0 + body + key);
@@ -67,23 +69,24 @@ impl Panels {
         let (centers, _) = fit_points(&self.points, side, high);
         let every = centers.len().div_ceil(MOST).max(1);
         let cloud: Arc<Vec<Point>> = Arc::new(centers.iter().step_by(every).copied().collect());
-        let time = self.time();
+        let (time, scale) = (self.time(), coloring.as_ref().map(Coloring::scale));
+        let colored = coloring.as_ref().zip(scale.as_ref());
         for (r, &state) in self.states.iter().enumerate() {
             for (c, &distractor) in self.distractors.iter().enumerate() {
                 let area = Rect::new(left + c as f64 * (side + gap), top + r as f64 * (high + gap), side, high);
                 picture.dots((area.x, area.y), cloud.clone(), dot(side, cloud.len()), CONTEXT);
                 let panel = self.panels.iter().find(|p| p.state == state && p.distractor == distractor);
                 let rows = panel.map_or(&[][..], |p| &p.rows);
-                self.trajectory(&mut picture, area, &self.layers(rows, &centers, time));
+                self.trajectory(&mut picture, area, &self.layers(rows, &centers, time, colored));
             }
         }
         self.labels(&mut picture, (left, top), (side, high), gap);
         let height = (rows as f64 * (high + gap) - gap).min(120.0);
         let bar = Rect::new(left + columns as f64 * (side + gap) + 4.0, top, 6.0, height);
-        match &self.coloring {
+        match &coloring {
             None => legend::color_bar(&mut picture, bar, f64::from(time.0), f64::from(time.1), "step"),
             Some(coloring @ Coloring::Quantity { name, .. }) => {
-                let (lo, hi) = coloring.range();
+                let (lo, hi) = coloring.scale().range;
                 legend::color_bar(&mut picture, bar, lo, hi, name);
             }
             Some(coloring) => {
@@ -100,23 +103,28 @@ impl Panels {
         (steps().min().unwrap_or(0), steps().max().unwrap_or(0))
     }
 
-    /// A trajectory's points by colour, among trajectories from one step to another.
-    fn layers(&self, rows: &[usize], centers: &[Point], (first, last): (u32, u32)) -> Vec<(Vec<Point>, Color)> {
-        let range = self.coloring.as_ref().map_or((0.0, 1.0), Coloring::range);
+    /// A trajectory's points by colour, among trajectories from one step to another; a colouring has one scale for all of them.
+    fn layers(
+        &self,
+        rows: &[usize],
+        centers: &[Point],
+        (first, last): (u32, u32),
+        colored: Option<(&Coloring, &Scale)>,
+    ) -> Vec<(Vec<Point>, Color)> {
         let whole = i64::from(last - first).max(1);
-        let level = |row: usize| match &self.coloring {
+        let level = |row: usize| match colored {
+            Some((coloring, scale)) => coloring.level(row, scale),
             None => (i64::from(self.steps[row] - first) * LEVELS / whole).min(LEVELS - 1),
-            Some(coloring) => coloring.level(row, range),
         };
         let mut layers: BTreeMap<i64, Vec<Point>> = BTreeMap::new();
         for &row in rows {
             layers.entry(level(row)).or_default().push(centers[row]);
         }
-        let color = |level: i64| match &self.coloring {
+        let color = |level: i64| match colored {
             None => viridis((level as f64 + 0.5) / LEVELS as f64),
             // Grey would be lost before the grey of all points.
             Some(_) if level < 0 => FAINT,
-            Some(coloring) => coloring.color(level),
+            Some((coloring, _)) => coloring.color(level),
         };
         layers.into_iter().map(|(level, list)| (list, color(level))).collect()
     }
@@ -182,7 +190,7 @@ mod tests {
             steps: (50..98).chain(50..60).collect(),
             coloring: None,
         };
-        let color = |row: usize| panels.layers(&[row], &[(0.0, 0.0); 58], panels.time())[0].1;
+        let color = |row: usize| panels.layers(&[row], &[(0.0, 0.0); 58], panels.time(), None)[0].1;
         assert_eq!(panels.time(), (50, 97));
         assert_eq!((color(0), color(9)), (color(48), color(57)));
         assert_ne!(color(57), color(47), "the last row of the short one is not the last step");

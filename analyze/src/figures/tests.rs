@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::*;
 use crate::picture::color::kind;
-use crate::picture::{PAGE, Pixels, Shape, font};
+use crate::picture::{Anchor, PAGE, Pixels, Shape, font};
 
 fn noise(i: usize) -> f64 {
     let x = (i as f64 * 12.9898).sin() * 43_758.547;
@@ -289,6 +289,19 @@ fn no_figure_is_wider_than_a_page_and_all_text_is_legible() {
         for shape in &picture.shapes {
             if let Shape::Text { style, text, .. } = shape {
                 assert!(style.size >= 5.0, "{name}: {text:?} at {} pt", style.size);
+            }
+        }
+    }
+}
+
+/// The end of a title mostly says what would be good.
+#[test]
+fn no_title_of_an_axis_is_cut() {
+    let has_axes = |figure: &Figure| matches!(figure, Figure::Bars(_) | Figure::ProbeChart(_) | Figure::Curves(_));
+    for (name, figure) in examples().into_iter().filter(|(_, figure)| has_axes(figure)) {
+        for shape in &figure.draw().shapes {
+            if let Shape::Text { style, text, .. } = shape {
+                assert!(style.anchor != Anchor::Middle || !text.ends_with('…'), "{name}: {text:?}");
             }
         }
     }

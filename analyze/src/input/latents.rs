@@ -86,6 +86,22 @@ pub fn read_beside(path: &Path, asked: &Asked, others: &Origin) -> Result<ReadLa
 /// # Errors
 /// As [`read_asked`].
 pub fn read_with_origin(path: &Path, asked: &Asked) -> Result<(ReadLatents, Origin), InputError> {
+    read_some(path, asked, None)
+}
+
+/// The rows of these keys that a table of latents has, in its order, as they were read when an expression chose them.
+///
+/// # Errors
+/// As [`read_asked`].
+pub fn read_rows(path: &Path, episodes: &[u32], steps: &[u32]) -> Result<(ReadLatents, Origin), InputError> {
+    let keys: RowKeys = episodes.iter().copied().zip(steps.iter().copied()).collect();
+    read_some(path, &Asked::default(), Some(&keys))
+}
+
+/// Keys of rows, episode and step.
+type RowKeys = HashSet<(u32, u32)>;
+
+fn read_some(path: &Path, asked: &Asked, keys: Option<&RowKeys>) -> Result<(ReadLatents, Origin), InputError> {
     let file = TableFile::open(path)?;
     let lists = latent_columns(&file, path)?;
     let needed = needed(asked);
@@ -115,9 +131,13 @@ pub fn read_with_origin(path: &Path, asked: &Asked) -> Result<(ReadLatents, Orig
         flat = choose(flat, rows, path)?;
         remarks.push(format!("{} of {count} rows are looked at: {}", flat.height(), rows.text));
     }
+    if let Some(keys) = keys {
+        flat = of_keys(&flat, keys, path)?;
+    }
     let lists = lists.iter().map(|name| series(&frame, name, path)).collect::<Result<Vec<_>, _>>()?;
     let lists = Lists::read(&lists, path)?;
-    let kept: Option<Vec<u32>> = asked.rows.as_ref().map(|_| whole(&flat, ROW, path)).transpose()?.map(known);
+    let is_part = asked.rows.is_some() || keys.is_some();
+    let kept: Option<Vec<u32>> = is_part.then(|| whole(&flat, ROW, path)).transpose()?.map(known);
     let Narrowed { dims, latent, origin, remark } = lists.narrow(kept.as_deref());
     remarks.extend(remark);
     let columns =
@@ -244,6 +264,16 @@ fn check_keys(frame: &DataFrame, path: &Path) -> Result<(), InputError> {
         }
     }
     Ok(())
+}
+
+/// The rows of these keys.
+fn of_keys(flat: &DataFrame, keys: &RowKeys, path: &Path) -> Result<DataFrame, InputError> {
+    let (episodes, steps) = (known(whole(flat, "episode", path)?), known(whole(flat, "step", path)?));
+    let is_wanted = |row: &u32| keys.contains(&(episodes[*row as usize], steps[*row as usize]));
+    let wanted: Vec<u32> = (0..flat.height() as u32).filter(is_wanted).collect();
+    let wanted = Column::new("number of the row".into(), wanted);
+    let fault = |error: PolarsError| column(path, "episode and step", first_line(&error), WHOLE);
+    flat.take(wanted.u32().map_err(fault)?).map_err(fault)
 }
 
 /// The columns of another table beside those of the rows that it speaks of.

@@ -1,8 +1,8 @@
 //! Results of many runs as one table: a row a run, from run folders and from tables of a user's own.
 //!
 //! In: paths, and the names of what is asked for. Of a run folder these are its metrics (that of `vibes-train evaluate` of the newest checkpoint that it judged, else of the last evaluation, else the mean of the last tenth), what `run.json` holds under that
-//! name (`objective`, or in full `options.model.latent`), its `task`, and `run`, the folder's name; of a table, its columns. Out: rows of numbers and
-//! texts, those that an expression chooses.
+//! name (`objective`, an option before what came of it; in full `model.reward_scale`), its `task`, and `run`, the folder's name; of a table, its columns.
+//! Out: rows of numbers and texts, those that an expression chooses.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -124,7 +124,8 @@ impl Results {
     #[must_use]
     pub fn has(&self, name: &str) -> bool {
         self.sources.iter().any(|source| match source {
-            Source::Run { run, info } => of_run(run, info, name) != Cell::Nothing,
+            // What stands for several things is there.
+            Source::Run { run, info } => of_run(run, info, name).ok() != Some(Cell::Nothing),
             Source::Table { file, .. } => file.has(name),
         })
     }
@@ -132,7 +133,7 @@ impl Results {
     /// The rows that are chosen, with what is asked for in its order.
     ///
     /// # Errors
-    /// [`InputError`]: nobody has what is asked for, or the expression fits no row.
+    /// [`InputError`]: nobody has what is asked for, it stands for several things in a run, or the expression fits no row.
     pub fn read(&self, asked: &[String], rows: Option<&Rows>) -> Result<Vec<Vec<Cell>>, InputError> {
         self.read_with(asked, &[], rows)
     }
@@ -159,10 +160,10 @@ impl Results {
             match source {
                 Source::Run { run, info } => {
                     let cell = |(at, name): (usize, &String)| match run.final_value(name).filter(|_| is_metric(at)) {
-                        Some(last) => Cell::Number(last),
+                        Some(last) => Ok(Cell::Number(last)),
                         None => of_run(run, info, name),
                     };
-                    all.push(names.iter().enumerate().map(cell).collect());
+                    all.push(names.iter().enumerate().map(cell).collect::<Result<_, InputError>>()?);
                 }
                 Source::Table { file, path } => all.extend(of_table(file, path, &names)?),
             }
@@ -175,7 +176,7 @@ impl Results {
     }
 }
 
-/// Every leaf of a document under its full name, as in `options.model.latent`.
+/// Every leaf of a document under its full name, as in `options.latent`.
 fn flatten(name: &str, value: &Value, into: &mut BTreeMap<String, Value>) {
     match value {
         Value::Object(fields) => {
@@ -190,25 +191,43 @@ fn flatten(name: &str, value: &Value, into: &mut BTreeMap<String, Value>) {
     }
 }
 
-fn of_run(run: &Run, info: &BTreeMap<String, Value>, name: &str) -> Cell {
+fn of_run(run: &Run, info: &BTreeMap<String, Value>, name: &str) -> Result<Cell, InputError> {
     if name == "run" {
-        return Cell::Text(run.name.clone());
-    }
-    // `objective` and `dynamics_weight` are metrics and options: as keys they are what the run was asked to do.
-    let full =
-        info.get(name).or_else(|| info.iter().find(|(key, _)| key.ends_with(&format!(".{name}"))).map(|(_, v)| v));
-    match full {
-        Some(Value::String(text)) => return Cell::Text(text.clone()),
-        Some(Value::Number(number)) => return number.as_f64().map_or(Cell::Nothing, Cell::Number),
-        _ => {}
-    }
-    if let Some(last) = run.final_value(name) {
-        return Cell::Number(last);
+        return Ok(Cell::Text(run.name.clone()));
     }
     if let Some(task) = run.task().filter(|_| name == "task") {
-        return Cell::Text(task.into());
+        return Ok(Cell::Text(task.into()));
     }
-    full.map_or(Cell::Nothing, |other| Cell::Text(other.to_string()))
+    // `objective` and `dynamics_weight` are metrics and options: as keys they are what the run was asked to do.
+    let full = told(info, name).map_err(|found| InputError::AmbiguousResult {
+        name: name.into(),
+        found: found.join(", "),
+        path: run.path.clone(),
+    })?;
+    Ok(match full {
+        Some(Value::String(text)) => Cell::Text(text.clone()),
+        Some(Value::Number(number)) => number.as_f64().map_or(Cell::Nothing, Cell::Number),
+        other => match run.final_value(name) {
+            Some(last) => Cell::Number(last),
+            None => other.map_or(Cell::Nothing, |other| Cell::Text(other.to_string())),
+        },
+    })
+}
+
+/// What `run.json` holds under a name: of options, in full, or under a longer one that ends with it. Where several of these differ, the error lists them.
+fn told<'i>(info: &'i BTreeMap<String, Value>, name: &str) -> Result<Option<&'i Value>, Vec<&'i str>> {
+    // Calibration gives `reward_scale` another value in the model than was asked for.
+    if let Some(own) = info.get(&format!("options.{name}")).or_else(|| info.get(name)) {
+        return Ok(Some(own));
+    }
+    let end = format!(".{name}");
+    let found: Vec<(&str, &Value)> =
+        info.iter().filter(|(key, _)| key.ends_with(&end)).map(|(key, value)| (key.as_str(), value)).collect();
+    let first = found.first().map(|(_, value)| *value);
+    if found.iter().any(|(_, value)| Some(*value) != first) {
+        return Err(found.into_iter().map(|(key, _)| key).collect());
+    }
+    Ok(first)
 }
 
 fn of_table(file: &TableFile, path: &Path, names: &[String]) -> Result<Vec<Vec<Cell>>, InputError> {
@@ -258,35 +277,4 @@ fn choose(names: &[String], all: &[Vec<Cell>], rows: &Rows) -> Result<Vec<usize>
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// What run.json holds is 0.03, and what the metrics hold of it in single precision is not.
-    #[test]
-    fn a_name_is_an_option_as_a_key_and_in_an_expression_and_a_number_as_a_metric() {
-        let run = tempfile::tempdir().expect("folder");
-        let write = |name: &str, text: String| std::fs::write(run.path().join(name), text).expect("file");
-        let measured = f64::from(0.03f32);
-        write("metrics.jsonl", format!("{{\"update\":10,\"dynamics_weight\":{measured},\"loss\":2.5}}\n"));
-        let info = "{\"format\":\"vibes-run/1\",\"options\":{\"dynamics_weight\":0.03},\"model\":{\"task\":\"discs\"},\"recordings\":[],\"episodes\":6,\"steps\":48,\"versions\":{}}";
-        write("run.json", info.into());
-        let results = Results::open(&[run.path().to_path_buf()]).expect("run");
-        let names = ["dynamics_weight".to_owned()];
-        let rows: Rows = "dynamics_weight = 0.03 and loss > 2 and task = 'discs'".parse().expect("expression");
-        let read = results.read_with(&names, &names, Some(&rows)).expect("the run");
-        assert_eq!(read, [[Cell::Number(0.03), Cell::Number(measured)]]);
-        let alone = results.read(&["loss".to_owned()], None).expect("the run");
-        assert_eq!(alone, [[Cell::Number(2.5)]], "a metric that is no option");
-    }
-
-    #[test]
-    fn a_column_of_a_table_may_be_asked_for_twice() {
-        let dir = tempfile::tempdir().expect("folder");
-        let path = dir.path().join("results.csv");
-        std::fs::write(&path, "method,seed,return\na,0,1.5\nb,1,2.5\n").expect("CSV");
-        let results = Results::open(&[path]).expect("table");
-        let rows: Rows = "seed = 1 and method = 'b'".parse().expect("expression");
-        let read = results.read_with(&["seed".to_owned()], &["seed".to_owned(), "return".to_owned()], Some(&rows));
-        assert_eq!(read.expect("a row"), [[Cell::Number(1.0), Cell::Number(1.0), Cell::Number(2.5)]]);
-    }
-}
+mod tests;

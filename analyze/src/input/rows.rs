@@ -132,11 +132,14 @@ impl Parser {
         self.sign(&[sign]).map(|_| ()).ok_or_else(|| format!("{sign} is missing"))
     }
 
-    fn either(&mut self) -> Parsed {
+    /// One level down; whoever calls it comes up again.
+    fn deeper(&mut self) -> Result<(), String> {
         self.depth += 1;
-        if self.depth > DEEPEST {
-            return Err(format!("more than {DEEPEST} levels of nesting"));
-        }
+        if self.depth > DEEPEST { Err(format!("more than {DEEPEST} levels of nesting")) } else { Ok(()) }
+    }
+
+    fn either(&mut self) -> Parsed {
+        self.deeper()?;
         let mut left = self.both()?;
         while self.word("or") || self.sign(&["||"]).is_some() {
             left = left.or(self.both()?);
@@ -227,11 +230,10 @@ impl Parser {
             return Ok(inside);
         }
         if self.sign(&["-"]).is_some() {
-            self.depth += 1;
-            if self.depth > DEEPEST {
-                return Err(format!("more than {DEEPEST} levels of nesting"));
-            }
-            return Ok(lit(0) - self.value()?);
+            self.deeper()?;
+            let value = self.value()?;
+            self.depth -= 1;
+            return Ok(lit(0) - value);
         }
         let token = self.tokens.get(self.at).cloned().ok_or("nothing where a value is expected")?;
         self.at += 1;
@@ -285,6 +287,14 @@ mod tests {
             (vec![2], vec![1]),
             "halves of whole numbers are halves"
         );
+    }
+
+    /// Only what stands inside something else is nested.
+    #[test]
+    fn an_expression_may_hold_many_negative_numbers() {
+        let many: Vec<String> = (1..=DEEPEST + 10).map(|number| format!("-{number}")).collect();
+        assert_eq!(rows(&format!("reward in ({})", many.join(", "))), [2]);
+        assert_eq!(rows(&format!("step{} = 5", " - -1".repeat(3))), [2]);
     }
 
     #[test]

@@ -186,6 +186,36 @@ fn what_is_used_and_of_a_wrong_type_is_named_and_what_is_unused_is_not() {
     assert!(fault.contains("no table has a column weather, choose among"), "{fault}");
 }
 
+/// Bytes in a gzip file that stores them as they are.
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let bit = |crc: u32, _: u32| if crc & 1 == 1 { (crc >> 1) ^ 0xEDB8_8320 } else { crc >> 1 };
+    let crc = !bytes.iter().fold(!0u32, |crc, &byte| (0..8).fold(crc ^ u32::from(byte), bit));
+    let length = bytes.len() as u32;
+    let (header, [low, high, ..]) = ([0x1F, 0x8B, 8, 0, 0, 0, 0, 0, 0, 0xFF], length.to_le_bytes());
+    [&header[..], &[1, low, high, !low, !high], bytes, &crc.to_le_bytes(), &length.to_le_bytes()].concat()
+}
+
+/// Bytes in a zstd file that stores them as they are; from 256 on.
+fn zstd(bytes: &[u8]) -> Vec<u8> {
+    let (length, block) = (bytes.len() as u16 - 256, ((bytes.len() as u32) << 3) | 1);
+    [&[0x28, 0xB5, 0x2F, 0xFD, 0x60][..], &length.to_le_bytes(), &block.to_le_bytes()[..3], bytes].concat()
+}
+
+#[test]
+fn a_csv_file_may_be_separated_and_packed_in_any_of_the_ways() {
+    let dir = tempfile::tempdir().expect("folder");
+    let commas = tables().into_iter().find(|path| path.ends_with("pandas-wide.csv")).expect("table");
+    let commas = std::fs::read(commas).expect("bytes");
+    for separator in [b',', b';', b'\t'] {
+        let plain: Vec<u8> = commas.iter().map(|&byte| if byte == b',' { separator } else { byte }).collect();
+        for (ending, bytes) in [("csv", plain.clone()), ("csv.gz", gzip(&plain)), ("csv.zst", zstd(&plain))] {
+            let path = dir.path().join(format!("latents-{separator}.{ending}"));
+            std::fs::write(&path, bytes).expect("file");
+            assert_eq!(read_latents(&path).unwrap_or_else(|e| panic!("{e}")), wanted(), "{}", path.display());
+        }
+    }
+}
+
 /// What Python's csv and pandas write for numbers that are missing.
 #[test]
 fn empty_and_nan_cells_of_a_csv_are_numbers_that_are_missing() {

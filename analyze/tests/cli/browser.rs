@@ -1,5 +1,6 @@
 //! A headless Chromium that opens a page, clicks, drags, types and reads, over Chromium's own debugging pipe: no driver and no network.
 
+use std::ffi::OsString;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -8,8 +9,24 @@ use std::process::{Child, Command};
 use base64::Engine as _;
 use serde_json::{Value, json};
 
-/// Programs that are Chromium, by what distributions call them.
-const PROGRAMS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
+/// Programs that are Chromium, by what distributions call them, in the order of setup/browser.sh. Google's comes first: beside it Ubuntu's may be a snap, which does not
+/// see the folders of the tests.
+const PROGRAMS: [&str; 3] = ["google-chrome", "chromium", "chromium-browser"];
+
+/// The program that `CHROMIUM=` names, or the first that runs: on Ubuntu a program of that name may be there that only asks for a snap.
+fn program() -> OsString {
+    let programs = match std::env::var_os("CHROMIUM").filter(|named| !named.is_empty()) {
+        Some(named) => vec![named],
+        None => Vec::from(PROGRAMS.map(OsString::from)),
+    };
+    let runs = |program: &OsString| {
+        Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
+    };
+    let found = programs.iter().find(|program| runs(program)).cloned();
+    found.unwrap_or_else(|| {
+        panic!("Chromium is needed for this test, and none of {programs:?} runs; see setup/browser.sh")
+    })
+}
 
 /// An open page.
 pub(crate) struct Browser {
@@ -31,8 +48,6 @@ impl Drop for Browser {
 impl Browser {
     /// Opens a page in a window of this size; a phone's window is touched and scaled like one.
     pub(crate) fn open(page: &Path, (width, height): (u32, u32), phone: bool) -> Self {
-        let program = PROGRAMS.into_iter().find(|p| Command::new(p).arg("--version").output().is_ok());
-        let program = program.expect("Chromium is needed for this test: apt-get install chromium");
         let folder = tempfile::tempdir().expect("folder");
         let fifo = |name: &str| -> PathBuf {
             let path = folder.path().join(name);
@@ -43,11 +58,12 @@ impl Browser {
         let child = Command::new("sh")
             .arg("-c")
             .arg(format!(
-                "exec {program} --headless --no-sandbox --disable-gpu --hide-scrollbars --no-first-run --disable-background-networking \
+                "exec \"$3\" --headless --no-sandbox --disable-gpu --hide-scrollbars --no-first-run --disable-background-networking \
                  --disable-component-update --disable-sync --user-data-dir=\"$2\" --window-size={width},{height} \
                  --remote-debugging-pipe 3<\"$0\" 4>\"$1\" 2>/dev/null"
             ))
             .args([&commands, &answers, &folder.path().join("profile")])
+            .arg(program())
             .spawn()
             .expect("the browser starts");
         let into = File::options().write(true).open(&commands).expect("pipe");

@@ -18,6 +18,9 @@ use vibes_measure::tsne::{TsneOptions, tsne_of_graph};
 use vibes_measure::umap::{Position, UmapOptions, among_neighbours, transform, umap_of_graph};
 use vibes_measure::{Error, Table};
 
+/// The version of the neighbour graphs: one more whenever the same latents and metric would give another one, so that those of older programs are made
+/// anew.
+const GRAPH: u32 = 1;
 /// Rows placed at a time.
 const CHUNK: usize = 65_536;
 
@@ -106,8 +109,9 @@ impl MapOptions {
         globals: &Globals,
     ) -> anyhow::Result<(Neighbours, bool)> {
         let drawn = drawn.map(|rows| json!({ "rows": rows, "seed": session.seed }));
+        let latents = checksum(&session.latents);
         let recipe =
-            json!({ "latents": checksum(&session.latents), "metric": self.metric.name(), "drawn": drawn }).to_string();
+            json!({ "graph": GRAPH, "latents": latents, "metric": self.metric.name(), "drawn": drawn }).to_string();
         let path = session.out.join("graph.arrow");
         let beside = session.path.parent().unwrap_or(Path::new("")).join("figures/graph.arrow");
         for path in [&path, &beside] {

@@ -10,7 +10,7 @@ use vibes_data::Latents;
 use super::super::wrong;
 use super::checksum;
 use super::layout::place;
-use crate::input::{Asked, InputError, Origin, find_latents, read_with_origin};
+use crate::input::{InputError, Origin, find_latents, read_rows};
 use crate::output::MapTable;
 use vibes_measure::Table;
 use vibes_measure::neighbours::{Metric, Space};
@@ -28,7 +28,7 @@ pub(super) struct OldMap {
 }
 
 impl OldMap {
-    /// Opens a map and its latents: those named, or those that the map names.
+    /// Opens a map and its latents: those named, or those that the map names. Of these it takes the rows that the map has, which may be some of them only.
     pub(super) fn open(path: &Path, named: Option<&Path>) -> anyhow::Result<Self> {
         let refuse = |fact: &str| InputError::NotAMap { fact: fact.into(), path: path.into() };
         let map = MapTable::read(path).ok_or_else(|| refuse("no readable map"))?;
@@ -53,7 +53,7 @@ impl OldMap {
             Some(named) => named.to_path_buf(),
             None => find_latents(&map.latents, path).ok_or_else(missing)?,
         };
-        let (read, origin) = read_with_origin(&source, &Asked::default())?;
+        let (read, origin) = read_rows(&source, &map.episode, &map.step)?;
         let latents = read.latents;
         if recipe["latents"] != checksum(&latents).as_str() {
             return Err(wrong(format!(

@@ -162,7 +162,8 @@ fn targets(tables: &[Opened], kept: &[Vec<usize>]) -> Vec<Quantity> {
                 Values::Classes(kept[0].iter().filter_map(|&row| of_row[row]).collect())
             }
         };
-        Quantity { name: name.clone(), hold_out: HoldOut::State, values }
+        // A column may as well be the distractor's.
+        Quantity { name: name.clone(), hold_out: HoldOut::StateOfUnknown, values }
     };
     tables.first().map(|table| table.columns.iter().enumerate().map(target).collect()).unwrap_or_default()
 }

@@ -1,12 +1,15 @@
 //! CSV with a header, separated by commas, semicolons or tabs, plain or compressed by gzip or zstd.
 
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::sync::Arc;
 
 use polars::prelude::{NamedFrom, PlSmallStr, Series};
 use polars_io::SerReader;
 use polars_io::csv::read::{CsvParseOptions, CsvReadOptions};
+use polars_io::utils::compression::{ByteSourceReader, SupportedCompression};
 
 use super::{InputError, damaged, not_a_table};
 
@@ -54,17 +57,24 @@ fn options(path: &Path, columns: Option<Arc<[PlSmallStr]>>) -> Result<CsvReadOpt
     Ok(CsvReadOptions::default().with_has_header(true).with_columns(columns).with_parse_options(parse))
 }
 
-/// The separator that the header line has most of; a comma for a file whose header cannot be seen without unpacking.
+/// The separator that the header line has most of.
 fn separator(path: &Path) -> Result<u8, InputError> {
-    use std::io::Read as _;
-    let mut head = Vec::new();
-    let file = std::fs::File::open(path).map_err(InputError::io(path))?;
-    file.take(HEADER as u64).read_to_end(&mut head).map_err(InputError::io(path))?;
-    let packed = head.starts_with(&[0x1F, 0x8B]) || head.starts_with(&[0x28, 0xB5, 0x2F, 0xFD]);
+    let head = head(path)?;
     let line = head.split(|&b| b == b'\n').next().unwrap_or_default();
-    if !packed && line.contains(&0) {
+    if line.contains(&0) {
         return Err(not_a_table(path, "a file of another kind"));
     }
     let count = |separator: u8| line.iter().filter(|&&b| b == separator).count();
-    Ok(if packed { b',' } else { [b'\t', b';', b','].into_iter().max_by_key(|&s| count(s)).unwrap_or(b',') })
+    Ok([b'\t', b';', b','].into_iter().max_by_key(|&s| count(s)).unwrap_or(b','))
+}
+
+/// The beginning of a file, unpacked.
+fn head(path: &Path) -> Result<Vec<u8>, InputError> {
+    let mut file = BufReader::new(File::open(path).map_err(InputError::io(path))?);
+    let packing = SupportedCompression::check(file.fill_buf().map_err(InputError::io(path))?);
+    // What begins as zlib does may be a text: the first column of a table may be called x^2.
+    let packing = packing.filter(|packing| *packing != SupportedCompression::ZLIB);
+    let mut reader = ByteSourceReader::try_new(file, packing).map_err(|error| damaged(path, &error))?;
+    let head = reader.read_next_slice(&Default::default(), HEADER, Some(HEADER));
+    Ok(head.map_err(|error| damaged(path, &error))?.0.to_vec())
 }
