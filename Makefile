@@ -30,13 +30,14 @@ demo-online: build ## ten minutes: an agent that learns in the environment, abov
 check: setup ## formatting, lints, links and examples in the documentation
 	cargo fmt --all --check
 	$(linted) cargo build --workspace --all-targets
-	RUSTDOC=$(CURDIR)/setup/rustdoc.sh $(linted) cargo test --workspace --doc --quiet
+	RUSTDOC="$(CURDIR)/setup/rustdoc.sh" $(linted) cargo test --workspace --doc --quiet
 
 tools: ## what only the tests need: a Python environment outside the clone, and a browser
 	@setup/python.sh
 	@setup/browser.sh
 
-test: check tools
+# The tools first: what is missing on the system is said before anything is built.
+test: tools check
 	PATH="$(python):$$PATH" $(linted) cargo test --workspace --all-targets
 	PATH="$(python):$$PATH" python notebooks/run.py
 	PATH="$(python):$$PATH" python tests/readers.py
@@ -50,7 +51,7 @@ DURATION ?= 30m
 
 stress: setup ## draws for DURATION (30m, 2h, 90s) on all cores, both looks, an upload for every picture; must end without a crash
 	cargo build -p vibes-env --example stress
-	$(CARGO_TARGET_DIR)/debug/examples/stress $$(( $(patsubst %h,%*3600,$(patsubst %m,%*60,$(patsubst %s,%,$(DURATION)))) ))
+	"$(CARGO_TARGET_DIR)/debug/examples/stress" $$(( $(patsubst %h,%*3600,$(patsubst %m,%*60,$(patsubst %s,%,$(DURATION)))) ))
 
 .PHONY: fuzz
 
@@ -61,13 +62,15 @@ fuzz: setup ## every reader of foreign files under libFuzzer for DURATION each; 
 # Vulkan on the CPU: Debian's and Ubuntu's libvulkan1 and mesa-vulkan-drivers. VULKAN= with another driver's file tests that driver.
 VULKAN ?= $(firstword $(wildcard /usr/share/vulkan/icd.d/lvp_icd*.json))
 
-gpu-test: export CARGO_TARGET_DIR := $(CARGO_TARGET_DIR)/gpu
+# For the three commands alone: set-up would point plain `cargo build` to this folder too.
+on_gpu := CARGO_TARGET_DIR="$(CARGO_TARGET_DIR)/gpu" $(linted)
+
 gpu-test: setup ## the model on wgpu beside flex, and that cuda compiles; not in CI, because it builds Burn a second time
 	@[ -f "$(VULKAN)" ] || { echo "gpu-test: lavapipe is missing; sudo apt-get install -y libvulkan1 mesa-vulkan-drivers" >&2; exit 1; }
-	$(linted) cargo build -p vibes-model -p vibes-train --features vibes-train/wgpu --tests
-	VK_DRIVER_FILES=$(VULKAN) VK_ICD_FILENAMES=$(VULKAN) $(linted) cargo test -p vibes-model -p vibes-train --features vibes-train/wgpu --test devices
+	$(on_gpu) cargo build -p vibes-model -p vibes-train --features vibes-train/wgpu --tests
+	VK_DRIVER_FILES="$(VULKAN)" VK_ICD_FILENAMES="$(VULKAN)" $(on_gpu) cargo test -p vibes-model -p vibes-train --features vibes-train/wgpu --test devices
 # Only types are checked, so the LLVM that a build with cuda fetches and links is left out, as on docs.rs.
-	DOCS_RS=1 $(linted) cargo check -p vibes-train --features cuda
+	DOCS_RS=1 $(on_gpu) cargo check -p vibes-train --features cuda
 
 .PHONY: python python-test
 
@@ -79,9 +82,9 @@ PYTHON_TEST ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/vibes-toolkit/python-test
 python-test: build python ## the Python package with Gymnasium, dm_env, Stable-Baselines3, TorchRL and PyTorch, in an environment outside the clone
 	@setup/environment.sh python/tests/requirements.txt "$(PYTHON_TEST)"
 # The wheel alone, with nothing but numpy beside it; a second environment, small and made anew.
-	python3 -m venv --clear "$(PYTHON_TEST)-numpy" && "$(PYTHON_TEST)-numpy/bin/pip" install --quiet --disable-pip-version-check "$(CARGO_TARGET_DIR)"/wheels/vibes-*.whl
+	python3 -m venv --clear "$(PYTHON_TEST)-numpy" && PIP_USER=0 "$(PYTHON_TEST)-numpy/bin/pip" install --quiet --disable-pip-version-check "$(CARGO_TARGET_DIR)"/wheels/vibes-*.whl
 	cd python/tests && "$(PYTHON_TEST)-numpy/bin/python" numpy_alone.py
-	"$(PYTHON_TEST)/bin/pip" install --quiet --no-deps --force-reinstall "$(CARGO_TARGET_DIR)"/wheels/vibes-*.whl
+	PIP_USER=0 "$(PYTHON_TEST)/bin/pip" install --quiet --no-deps --force-reinstall "$(CARGO_TARGET_DIR)"/wheels/vibes-*.whl
 	cd python && "$(PYTHON_TEST)/bin/mypy" package
 	cd python && "$(PYTHON_TEST)/bin/pytest" -q
 	"$(PYTHON_TEST)/bin/python" notebooks/run.py 05

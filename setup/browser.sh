@@ -1,15 +1,28 @@
 #!/usr/bin/env bash
-# Makes sure that there is a Chromium, in which the tests open the report: Debian's package when there is none.
-# Without root, or where no package fits, it says the command and stops.
+# Makes sure that there is a Chromium, in which the tests open the report: Debian's package when there is none. In: CHROMIUM, a program to take instead, if set.
+# Without root, or where no package fits, it says what to install and stops.
 set -euo pipefail
 
-for name in chromium chromium-browser google-chrome; do
-    # Ubuntu's package of that name is a stub that asks for a snap.
-    if command -v "$name" >/dev/null && "$name" --version >/dev/null 2>&1; then exit 0; fi
+# Whether a program runs and is no snap, which may not read hidden folders and sees a /tmp of its own. Ubuntu's package `chromium-browser` is a script that runs the snap.
+fits() {
+    local path
+    path=$(command -v "$1") && "$1" --version >/dev/null 2>&1 || return 1
+    case $(readlink -f "$path") in */snap | /snap/*) return 1 ;; esac
+    ! grep -qsF /snap/bin "$path"
+}
+
+if [ -n "${CHROMIUM:-}" ]; then
+    "$CHROMIUM" --version >/dev/null 2>&1 || { echo "setup: CHROMIUM does not run: $CHROMIUM" >&2; exit 1; }
+    exit 0
+fi
+# In the order of analyze/tests/cli/browser.rs, which takes the first that runs.
+for name in google-chrome chromium chromium-browser; do
+    if fits "$name"; then exit 0; fi
 done
 
 missing() {
-    echo "setup: Chromium is missing; install it (on Ubuntu: sudo snap install chromium), it opens the report in the tests" >&2
+    echo "setup: a Chromium that is no snap is missing, in which the tests open the report; install one (on Ubuntu: Google Chrome's .deb package)," \
+        "or name one: CHROMIUM=PROGRAM" >&2
     exit 1
 }
 

@@ -21,7 +21,8 @@ if [ -n "$anew" ]; then rm -rf "$folder"; fi
 # What follows may be cut short, and then the folder is that of no list.
 rm -f "$stamp"
 mkdir -p "$(dirname "$folder")"
-python3 -m venv "$folder" 2>/dev/null || fail "python3 cannot make environments; run: sudo apt-get install -y python3-venv"
-"$folder/bin/python" -m pip install --quiet --disable-pip-version-check "$@" --requirement "$requirements" ||
+python3 -m venv "$folder" || fail "python3 could not make the environment, for the reason above; where ensurepip is missing, run: sudo apt-get install -y python3-venv"
+# A user who has pip install for the user alone means the system's Python, not this one.
+PIP_USER=0 "$folder/bin/python" -m pip install --quiet --disable-pip-version-check "$@" --requirement "$requirements" ||
     fail "pip could not install the packages of $requirements"
 cp "$requirements" "$stamp"

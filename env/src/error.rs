@@ -66,6 +66,9 @@ pub enum Error {
         /// How many there may be.
         most: u16,
     },
+    /// Somebody asked to stop while background videos were made.
+    #[error("stopped while background videos were made; those that are done are kept, and the same command goes on")]
+    Stopped,
     /// Nothing can be drawn on this machine.
     #[error(
         "cannot draw without EGL: {fact}; run `make setup`, or on Debian and Ubuntu: sudo apt-get install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri libopengl0"

@@ -124,7 +124,8 @@ impl Physics {
     /// Returns false when MuJoCo warned that the state left the finite numbers (see [`Self::warnings`]).
     pub fn step(&mut self, control: &[f64], count: usize) -> bool {
         self.data.ctrl_mut().copy_from_slice(control);
-        let before = self.warning_count();
+        // A state that is bad MuJoCo resets, its counters too, and then counts one warning: after a second time they stand as they did before it.
+        self.data.warning_mut().iter_mut().for_each(|warning| warning.number = 0);
         if self.is_runge_kutta {
             self.data.step();
         } else {
@@ -134,14 +135,10 @@ impl Physics {
             self.data.step();
         }
         self.data.step1();
-        self.warning_count() == before
+        self.data.warning().iter().all(|warning| warning.number == 0)
     }
 
-    fn warning_count(&self) -> i64 {
-        self.data.warning().iter().map(|warning| i64::from(warning.number)).sum()
-    }
-
-    /// The names of the warnings MuJoCo has raised since the last reset.
+    /// The names of the warnings MuJoCo has raised in the last control step.
     pub fn warnings(&self) -> String {
         let names = [
             (mjtWarning::mjWARN_INERTIA, "bad inertia"),

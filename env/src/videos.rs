@@ -17,7 +17,7 @@ use std::time::UNIX_EPOCH;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use vibes_data::{BackgroundFrame, Video, find_place};
+use vibes_data::{BackgroundFrame, Video, find_place, is_same_place};
 
 use crate::error::{Error, Result};
 pub(crate) use resample::SUITE_SIDE;
@@ -26,6 +26,13 @@ pub(crate) use store::LEVELS;
 
 /// Most videos of a set that may be asked for: the programs take no more, and a larger number in a file is a damaged or hostile one.
 pub const MOST_VIDEOS: u16 = 10_000;
+
+/// Videos of a library whose files are kept open: as many as DAVIS has for training. A process may have some thousand files open, often no more than 1024, so that of a
+/// larger library every frame opens its own.
+const MOST_OPEN: usize = 64;
+
+/// Asked before every frame that is made, with the number of videos of a library that no earlier run has made: whether to go on.
+pub type GoOn<'a> = &'a (dyn Fn(usize) -> bool + Sync);
 
 /// Which videos: those for training, or those held out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -88,15 +95,34 @@ impl VideoSource {
         }
     }
 
-    /// Whether this is a folder of DAVIS 2017 with the first `count` videos of both official lists.
+    /// Whether this is a folder of DAVIS 2017 with the first `count` videos of both official lists, each with all its frames as far as [`davis::FIRST_FRAMES`] knows them.
     pub fn is_davis(&self, count: usize) -> bool {
-        let is_whole = |set, official: &[&str]| {
-            self.list(set, Some(count))
-                .is_ok_and(|names| names.iter().zip(official).all(|(name, wanted)| name == wanted))
+        let Self::Folder(folder) = self else { return false };
+        let is_official = |(name, wanted): (&String, &&str)| {
+            let known = davis::FIRST_FRAMES.iter().find(|(video, _)| video == wanted);
+            let found = || davis::frames(folder, name).map_or(0, |files| files.len());
+            name == wanted && known.is_none_or(|(_, frames)| found() == *frames)
         };
-        matches!(self, Self::Folder(_))
-            && is_whole(VideoSet::Train, &davis::TRAIN)
-            && is_whole(VideoSet::Val, &davis::VAL)
+        let is_whole = |set, official: &[&str]| {
+            self.list(set, Some(count)).is_ok_and(|names| names.iter().zip(official).all(is_official))
+        };
+        is_whole(VideoSet::Train, &davis::TRAIN) && is_whole(VideoSet::Val, &davis::VAL)
+    }
+
+    /// Whether a film that somebody saw, out of `other`, is this source's film of the same name. A folder may have been copied, or be gone by now: a film of another place is the same
+    /// where its frames are as many and, while both are there, as large.
+    pub fn has_film(&self, film: &Video, other: &Self) -> bool {
+        let (own, other) = match (self, other) {
+            (Self::Procedural, Self::Procedural) => return true,
+            (Self::Procedural, Self::Folder(_)) | (Self::Folder(_), Self::Procedural) => return false,
+            (Self::Folder(own), Self::Folder(other)) => (own, other),
+        };
+        is_same_place(own, other)
+            || match (frame_sizes(own, &film.name), frame_sizes(other, &film.name)) {
+                (Some(own), Some(other)) => own == other,
+                (Some(own), None) => own.len() == film.frames as usize,
+                (None, _) => false,
+            }
     }
 
     /// The names of the first `count` videos of a set, all of them (for the procedural source as many as DAVIS has) without a count. The two sets never share a
@@ -141,25 +167,56 @@ impl VideoSource {
         }
     }
 
-    fn open_video(&self, cache: &Path, name: &str, side: usize) -> Result<FrameStore> {
-        match self {
+    /// Finds a video, whether it was made by an earlier run or not.
+    fn film<'a>(&self, cache: &Path, name: &'a str, side: usize) -> Result<Film<'a>> {
+        let (identity, frames, files) = match self {
             Self::Procedural => {
-                let video = procedural::ProceduralVideo::named(name)?;
-                let identity = format!("procedural {} {name}", procedural::VERSION);
-                FrameStore::open_or_make(cache, name, &identity, procedural::FRAMES, side, |frame| {
-                    Ok(resample::resample(&video.frame(frame), procedural::SIDE, procedural::SIDE, side))
-                })
+                procedural::ProceduralVideo::named(name)?;
+                (format!("procedural {} {name}", procedural::VERSION), procedural::FRAMES, Vec::new())
             }
             Self::Folder(folder) => {
                 let files = davis::frames(folder, name)?;
-                let identity = identity(&files)?;
-                FrameStore::open_or_make(cache, name, &identity, files.len(), side, |frame| {
-                    let (rgb, width, height) = davis::decode(&files[frame])?;
-                    Ok(resample::resample(&rgb, width, height, side))
+                (identity(&files)?, files.len(), files)
+            }
+        };
+        let store = FrameStore::of(cache, name, &identity, frames, side);
+        let is_made = store.is_whole();
+        Ok(Film { name, store, is_made, files: if is_made { Vec::new() } else { files } })
+    }
+
+    /// Makes the frames of a video, while `go_on` says yes.
+    fn make(&self, film: &Film<'_>, side: usize, go_on: impl Fn() -> bool) -> Result<()> {
+        let go_on = || go_on().then_some(()).ok_or(Error::Stopped);
+        match self {
+            Self::Procedural => {
+                let video = procedural::ProceduralVideo::named(film.name)?;
+                film.store.make(|frame| {
+                    go_on()?;
+                    Ok(resample::resample(&video.frame(frame), procedural::SIDE, procedural::SIDE, side))
                 })
             }
+            Self::Folder(_) => film.store.make(|frame| {
+                go_on()?;
+                let (rgb, width, height) = davis::decode(&film.files[frame])?;
+                Ok(resample::resample(&rgb, width, height, side))
+            }),
         }
     }
+}
+
+/// A video of a library, while that is opened.
+struct Film<'a> {
+    name: &'a str,
+    store: FrameStore,
+    is_made: bool,
+    /// The frames of a folder's video that is yet to be made.
+    files: Vec<PathBuf>,
+}
+
+/// Bytes of the frame files of a video, in their order; none where there is no such video.
+fn frame_sizes(folder: &Path, video: &str) -> Option<Vec<u64>> {
+    let files = davis::frames(folder, video).ok()?;
+    files.iter().map(|file| Some(file.metadata().ok()?.len())).collect()
 }
 
 /// Names, sizes and dates of the frame files: changes whenever a picture may have.
@@ -190,9 +247,30 @@ impl VideoLibrary {
     /// # Errors
     /// When a video is missing or cannot be decoded, or the cache cannot be written.
     pub fn open(source: &VideoSource, set: VideoSet, names: &[String], side: usize) -> Result<Self> {
+        Self::open_while(source, set, names, side, &|_missing| true)
+    }
+
+    /// The same, which may take minutes where nothing was made before, as long as `go_on` says yes.
+    ///
+    /// # Errors
+    /// As [`Self::open`]; [`Error::Stopped`] where `go_on` says no. What is made by then is kept.
+    pub fn open_while(
+        source: &VideoSource,
+        set: VideoSet,
+        names: &[String],
+        side: usize,
+        go_on: GoOn<'_>,
+    ) -> Result<Self> {
         let cache = store::cache_folder()?;
-        let stores: Vec<FrameStore> =
-            names.par_iter().map(|name| source.open_video(&cache, name, side)).collect::<Result<_>>()?;
+        let films: Vec<Film<'_>> =
+            names.par_iter().map(|name| source.film(&cache, name, side)).collect::<Result<_>>()?;
+        let missing = films.iter().filter(|film| !film.is_made).count();
+        let to_make = films.par_iter().filter(|film| !film.is_made);
+        to_make.try_for_each(|film| source.make(film, side, || go_on(missing)))?;
+        let mut stores: Vec<FrameStore> = films.into_iter().map(|film| film.store).collect();
+        if stores.len() <= MOST_OPEN {
+            stores.iter_mut().try_for_each(FrameStore::keep_open)?;
+        }
         let videos = names
             .iter()
             .zip(&stores)

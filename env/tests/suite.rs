@@ -342,6 +342,25 @@ fn a_restored_simulation_goes_on_bit_for_bit() {
     }
 }
 
+/// A planner goes on from its snapshot after a plan that broke the simulation, and the next plan may break it too.
+#[test]
+fn a_simulation_that_breaks_again_without_a_reset_says_so_again() {
+    for task in tasks() {
+        let mut environment = environment(task);
+        environment.reset(&mut ChaCha8Rng::seed_from_u64(2)).unwrap();
+        let mut snapshot = Snapshot::default();
+        environment.save(&mut snapshot);
+        let rest = vec![0.0; environment.action_len()];
+        for time in 1..=3 {
+            environment.physics_mut().qvel_mut()[0] = f64::NAN;
+            let error = environment.control_step(&rest).unwrap_err().to_string();
+            assert!(error.contains("became unstable") && error.contains("bad q"), "{task}, time {time}: {error}");
+            environment.restore(&snapshot);
+        }
+        environment.control_step(&rest).unwrap();
+    }
+}
+
 #[test]
 fn a_row_holds_the_action_taken_there_and_the_reward_it_earned() {
     for action_repeat in [1, 2, 5] {

@@ -8,6 +8,9 @@ use crate::config::ModelConfig;
 use crate::gaussian::Gaussian;
 use crate::mlp::{Mlp, MlpConfig};
 
+/// Above this softplus and its inverse give back what they are given, to the last digit of single precision; somewhat above 88 an exponential in it overflows.
+const STRAIGHT: f32 = 20.0;
+
 /// Latent and action to the reward earned there.
 #[derive(Module, Debug)]
 pub struct Reward {
@@ -40,7 +43,8 @@ impl Reward {
         // The inverse of softplus, where the floor leaves anything to invert.
         let above = ((std - self.floor) / self.scale).max(1e-3);
         let mut head = head.last_zeroed();
-        let start = [mean / self.scale, above.exp_m1().ln()];
+        let before_softplus = if above > STRAIGHT { above } else { above.exp_m1().ln() };
+        let start = [mean / self.scale, before_softplus];
         head.last.bias = head.last.bias.map(|bias| Tensor::from_data(start, &bias.device()));
         head
     }

@@ -283,10 +283,17 @@ fn calibrated_latents_begin_spread_over_the_sphere() {
 #[test]
 fn a_calibrated_reward_model_predicts_the_rewards_own_distribution_whatever_it_sees() {
     let (pixels, actions) = (frames(random_pixels(4, 5)), random([2, 2, 2], 6));
-    let model = model(self::pixels()).calibrated(pixels, actions.clone(), &[1.0, 3.0, 1.0, 3.0]).unwrap();
-    let prediction = model.world.reward.forward(random([2, 2, 6], 7), actions);
-    assert_close(&to_values(prediction.mean), &[2.0; 4], 1e-5);
-    assert_close(&to_values(prediction.std), &[1.0; 4], 1e-5);
+    // A standard deviation of 300 is more than an exponential takes.
+    for (rewards, mean, std) in [
+        ([1.0, 3.0, 1.0, 3.0], 2.0, 1.0),
+        ([-30.0, 10.0, -30.0, 10.0], -10.0, 20.0),
+        ([0.0, 600.0, 0.0, 600.0], 300.0, 300.0),
+    ] {
+        let model = model(self::pixels()).calibrated(pixels.clone(), actions.clone(), &rewards).unwrap();
+        let prediction = model.world.reward.forward(random([2, 2, 6], 7), actions.clone());
+        assert_close(&to_values(prediction.mean), &[mean; 4], 1e-5);
+        assert_close(&to_values(prediction.std), &[std; 4], 1e-5 * std);
+    }
 }
 
 #[test]

@@ -6,6 +6,9 @@
 //!
 //! A context may move to another thread once it is current on none: [`visiting`] runs what draws and leaves the thread as it was.
 //!
+//! A process that was forked from one that has opened EGL cannot draw: the threads of Mesa exist in the parent alone, and their answers would be waited for
+//! for ever. It is told so, and how such processes are started instead.
+//!
 //! Before EGL is opened, `LP_NUM_THREADS=0` is put into the process's environment unless the user has set it: Mesa's software renderer then
 //! rasterises on the thread that draws. With threads of its own, Mesa 22.3 (Debian 12) crashes now and then: before it uploads a texture it
 //! looks, without a lock, through scenes that its rasteriser threads are still freeing. The collector's page says what was measured.
@@ -39,14 +42,43 @@ unsafe impl Sync for Shared {}
 /// The variable by which Mesa's llvmpipe takes its number of rasteriser threads.
 const RASTERISERS: &str = "LP_NUM_THREADS";
 
-static OPENED: OnceLock<std::result::Result<Shared, String>> = OnceLock::new();
+/// What a process has opened, or why it could not.
+struct Opened {
+    process: u32,
+    shared: std::result::Result<Shared, String>,
+}
+
+static OPENED: OnceLock<Opened> = OnceLock::new();
+
+impl Opened {
+    /// Opens EGL for this process.
+    fn here() -> Self {
+        without_rasteriser_threads();
+        Self { process: std::process::id(), shared: open("libEGL.so.1") }
+    }
+
+    /// What the process with this number has of it.
+    fn of(&self, process: u32) -> Result<&Shared> {
+        let shared = self.shared.as_ref().map_err(|fact| refused(fact))?;
+        if self.process != process {
+            return Err(Error::Render {
+                fact: "drawing began in the process that this one was forked from, and its threads are not here".to_owned(),
+                expected: "start processes that draw with spawn or forkserver (of Gymnasium's make_vec vectorization_mode=\"async\", \
+                           vector_kwargs={\"context\": \"spawn\"}), or use vibes.make_vec, which needs none"
+                    .to_owned(),
+            });
+        }
+        Ok(shared)
+    }
+}
 
 fn shared() -> Result<&'static Shared> {
-    let open = || {
-        without_rasteriser_threads();
-        open("libEGL.so.1")
-    };
-    OPENED.get_or_init(open).as_ref().map_err(|fact| refused(fact))
+    OPENED.get_or_init(Opened::here).of(std::process::id())
+}
+
+/// What this process has opened already.
+fn opened() -> Option<&'static Shared> {
+    OPENED.get().and_then(|opened| opened.of(std::process::id()).ok())
 }
 
 /// A device that was asked for and cannot draw is the user's to mend; anything else is EGL's.
@@ -108,7 +140,7 @@ struct Current {
 
 impl Current {
     fn of_thread() -> Self {
-        let opened = OPENED.get().and_then(|opened| opened.as_ref().ok());
+        let opened = opened();
         let context = opened.and_then(|shared| shared.egl.get_current_context());
         let Some((shared, context)) = opened.zip(context) else {
             return Self { display: None, context: None, surfaces: [None; 2] };
@@ -118,7 +150,7 @@ impl Current {
     }
 
     fn restore(self) {
-        let Some(Ok(Shared { egl, .. })) = OPENED.get() else { return };
+        let Some(Shared { egl, .. }) = opened() else { return };
         // Without a context before, the display to leave is the one that is current now; with neither, there is nothing to leave.
         let display = self.display.or_else(|| egl.get_current_display());
         if let Some(display) = display.filter(|_| egl.get_current_context() != self.context) {
@@ -195,6 +227,15 @@ mod tests {
         let tasks = std::fs::read_dir("/proc/self/task").expect("Linux").filter_map(std::result::Result::ok);
         let names = tasks.filter_map(|task| std::fs::read_to_string(task.path().join("comm")).ok());
         assert_eq!(names.filter(|name| named(name)).count(), 0, "LP_NUM_THREADS was read");
+    }
+
+    #[test]
+    fn a_process_forked_from_one_that_draws_is_told_how_to_start_instead() {
+        shared().expect("this machine draws");
+        let opened = OPENED.get().expect("opened just now");
+        assert!(opened.of(opened.process).is_ok());
+        let message = opened.of(opened.process + 1).err().expect("a child's number").to_string();
+        assert!(message.contains("forked from") && message.contains("\"context\": \"spawn\""), "{message}");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Laws of the videos.
 
 use std::collections::BTreeSet;
+use std::sync::Mutex;
 
 use super::procedural::{FRAMES, Family, ProceduralVideo};
 use super::*;
@@ -93,21 +94,74 @@ fn davis_is_known_by_name_and_other_folders_are_sorted() {
     assert_eq!(source.list(VideoSet::Val, None).unwrap(), ["zebra"]);
     let error = source.list(VideoSet::Train, Some(3)).unwrap_err().to_string();
     assert!(error.contains("2 train videos (the first half of the folder); 3 are needed"), "{error}");
-    // One official name decides: those of the other set do not stand in for the ones asked for.
-    write_video(folder.path(), "boat", 2);
-    assert_eq!(source.list(VideoSet::Train, None).unwrap(), ["boat"]);
-    let error = source.list(VideoSet::Val, None).unwrap_err().to_string();
-    assert!(error.contains("no official val video") && error.contains("boat"), "{error}");
-    assert!(!error.contains("--"), "an option that not every program has: {error}");
-    let error = source.list(VideoSet::Train, Some(2)).unwrap_err().to_string();
-    assert!(error.contains("1 official train videos of DAVIS; 2 are needed"), "{error}");
-    for name in ["bear", "blackswan", "bike-packing"] {
+    // Where most names are official, the lists decide.
+    for name in ["boat", "bear", "blackswan", "bike-packing"] {
         write_video(folder.path(), name, 2);
     }
     assert_eq!(source.list(VideoSet::Train, None).unwrap(), ["bear", "boat"]);
     assert_eq!(source.list(VideoSet::Val, None).unwrap(), ["bike-packing", "blackswan"]);
+    let error = source.list(VideoSet::Train, Some(3)).unwrap_err().to_string();
+    assert!(error.contains("2 official train videos of DAVIS; 3 are needed"), "{error}");
+    // Those of the other set do not stand in for the ones asked for.
+    for name in ["blackswan", "bike-packing", "zebra"] {
+        std::fs::remove_dir_all(folder.path().join(name)).unwrap();
+    }
+    write_video(folder.path(), "bus", 2);
+    assert_eq!(source.list(VideoSet::Train, None).unwrap(), ["bear", "boat", "bus"]);
+    let error = source.list(VideoSet::Val, None).unwrap_err().to_string();
+    assert!(error.contains("no official val video") && error.contains("3 of the other set (bear"), "{error}");
+    assert!(!error.contains("--"), "an option that not every program has: {error}");
     assert_eq!((davis::TRAIN.len(), davis::VAL.len()), (60, 30));
     assert!(davis::TRAIN.iter().all(|name| !davis::VAL.contains(name)));
+}
+
+/// A film that happens to be named as one of DAVIS is not all that is left of a folder of one's own.
+#[test]
+fn a_folder_of_ones_own_may_hold_some_names_of_davis() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["a", "b", "dog", "train"] {
+        write_video(folder.path(), name, 1);
+    }
+    let source = VideoSource::Folder(folder.path().to_owned());
+    assert_eq!(source.lists(None).unwrap(), [["a", "b"], ["dog", "train"]]);
+    assert!(!source.is_davis(1));
+}
+
+/// Whoever calls eight films of their own by the official names has not got DAVIS.
+#[test]
+fn davis_has_the_frames_of_its_videos() {
+    let folder = tempfile::tempdir().unwrap();
+    for (video, frames) in davis::FIRST_FRAMES {
+        std::fs::create_dir(folder.path().join(video)).unwrap();
+        for frame in 0..frames {
+            std::fs::write(folder.path().join(video).join(format!("{frame:05}.jpg")), []).unwrap();
+        }
+    }
+    let source = VideoSource::Folder(folder.path().to_owned());
+    assert!(source.is_davis(4) && !source.is_davis(5), "the first four of both lists");
+    std::fs::remove_file(folder.path().join("blackswan/00000.jpg")).unwrap();
+    assert!(source.is_davis(1) && !source.is_davis(4));
+    assert!(!VideoSource::Procedural.is_davis(1));
+    let names = davis::FIRST_FRAMES.map(|(video, _)| video);
+    assert_eq!((&names[..4], &names[4..]), (&davis::TRAIN[..4], &davis::VAL[..4]));
+}
+
+/// A name alone is no film: `0` is in many folders, and folders are copied and moved.
+#[test]
+fn a_film_is_known_again_in_a_copy_of_its_folder_and_another_of_its_name_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let [own, copy, other, gone] = ["own", "copy", "other", "gone"].map(|name| folder.path().join(name));
+    write_video(&own, "0", 3);
+    write_video(&copy, "0", 3);
+    write_video(&other, "0", 3);
+    std::fs::write(other.join("0/00002.png"), b"another picture").unwrap();
+    let [own, copy, other, gone] = [own, copy, other, gone].map(VideoSource::Folder);
+    let film = |frames| Video { name: "0".to_owned(), set: "val".to_owned(), frames };
+    assert!(own.has_film(&film(3), &own) && own.has_film(&film(3), &copy) && own.has_film(&film(3), &gone));
+    assert!(!own.has_film(&film(3), &other) && !own.has_film(&film(4), &gone) && !gone.has_film(&film(3), &own));
+    let procedural = VideoSource::Procedural;
+    assert!(procedural.has_film(&film(60), &procedural));
+    assert!(!procedural.has_film(&film(60), &own) && !own.has_film(&film(3), &procedural));
 }
 
 /// Two commands do not know each other's counts: no pair of them may share a film.
@@ -131,9 +185,9 @@ fn what_is_held_out_is_never_trained_under() {
     assert_eq!(source.lists(Some(2)).unwrap(), [["film-1", "film-2"], ["film-5", "film-6"]]);
     let error = source.lists(Some(4)).unwrap_err().to_string();
     assert!(error.contains("3 val videos (the second half of the folder); 4 are needed"), "{error}");
-    for name in ["bear", "blackswan"] {
-        write_video(folder.path(), name, 1);
-    }
+    let davis = tempfile::tempdir().unwrap();
+    ["bear", "blackswan"].iter().for_each(|name| write_video(davis.path(), name, 1));
+    let source = VideoSource::Folder(davis.path().to_owned());
     assert_eq!(source.lists(Some(1)).unwrap(), [["bear"], ["blackswan"]]);
     for count in [None, Some(4)] {
         let [train, val] = VideoSource::Procedural.lists(count).unwrap();
@@ -157,6 +211,46 @@ fn frames_come_sorted_and_again_from_the_cache() {
         }
         assert!(library.read(BackgroundFrame { video: 0, frame: 5 }, &mut bytes).is_err());
         assert!(library.read(BackgroundFrame { video: 1, frame: 0 }, &mut bytes).is_err());
+    }
+}
+
+#[test]
+fn making_videos_says_how_many_there_are_and_stops_between_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = ["one", "two", "three"].map(str::to_owned);
+    names.iter().for_each(|name| write_video(folder.path(), name, 4));
+    let source = VideoSource::Folder(folder.path().to_owned());
+    // What came of it where so many frames may be made, and what was said of the videos that are missing, once a frame.
+    let open = |most: usize| {
+        let said = Mutex::new(Vec::new());
+        let go_on = |missing: usize| {
+            let mut said = said.lock().unwrap();
+            said.push(missing);
+            said.len() <= most
+        };
+        let library = VideoLibrary::open_while(&source, VideoSet::Train, &names, 100, &go_on);
+        (library.map(|library| library.frame_counts()), said.into_inner().unwrap())
+    };
+    let (stopped, said) = open(2);
+    assert!(matches!(stopped, Err(Error::Stopped)), "{stopped:?}");
+    assert!((3..=12).contains(&said.len()) && said.iter().all(|&missing| missing == 3), "{said:?}");
+    let (whole, said) = open(usize::MAX);
+    assert_eq!((whole.unwrap(), said), (vec![4; 3], vec![3; 12]));
+    let (again, said) = open(0);
+    assert_eq!((again.unwrap(), said), (vec![4; 3], Vec::new()), "nothing is left to make");
+}
+
+/// A process may have only so many files open.
+#[test]
+fn a_library_of_many_videos_keeps_no_file_open() {
+    let folder = tempfile::tempdir().unwrap();
+    let names: Vec<String> = (0..=MOST_OPEN).map(|number| format!("film-{number}")).collect();
+    names.iter().for_each(|name| write_video(folder.path(), name, 1));
+    let source = VideoSource::Folder(folder.path().to_owned());
+    for (count, is_open) in [(MOST_OPEN, true), (MOST_OPEN + 1, false)] {
+        let library = VideoLibrary::open(&source, VideoSet::Train, &names[..count], 16).unwrap();
+        assert_eq!(library.stores.iter().filter(|store| store.file.is_some()).count(), if is_open { count } else { 0 });
+        library.read(BackgroundFrame { video: count as u32 - 1, frame: 0 }, &mut Vec::new()).unwrap();
     }
 }
 
