@@ -92,7 +92,9 @@ fn dispatch(cli: Cli) -> anyhow::Result<Outcome> {
 fn judge(error: &anyhow::Error) -> Outcome {
     use vibes_data::Error::Owned;
     let is_wrong = match error.downcast_ref::<Error>() {
-        Some(Error::Data(Owned { .. }) | Error::Stopped) => return Outcome::Again,
+        Some(Error::Data(Owned { .. }) | Error::Stopped | Error::World(vibes_env::Error::Stopped)) => {
+            return Outcome::Again;
+        }
         Some(Error::World(world)) => is_wrong_argument(world),
         Some(error) => {
             matches!(error, Error::UnknownName { .. } | Error::Shrinks { .. } | Error::Selection { .. })

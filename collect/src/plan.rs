@@ -109,8 +109,8 @@ impl RecordOptions {
         })
     }
 
-    /// The protocol of what is recorded: that of the run which acts, where nothing of its world is changed, videos are held out and there are as many whole episodes as it asks
-    /// for.
+    /// The protocol of what is recorded: that of the run which acts, where nothing of its world is changed, videos are held out (in a folder still the same ones) and there are as many
+    /// whole episodes as it asks for.
     pub fn protocol_of(&self, home: &Home) -> Option<String> {
         let (name, episodes) = home.protocol.as_ref()?;
         let whole = vibes_env::EPISODE_CONTROL_STEPS.div_ceil(self.action_repeat);
@@ -123,8 +123,15 @@ impl RecordOptions {
             && self.axis_seeds.is_empty()
             && self.video_set == VideoSet::Val
             && self.grid.is_none()
-            && self.episodes >= *episodes;
+            && self.episodes >= *episodes
+            && self.holds_out_the_same(home);
         is_own.then(|| name.clone())
+    }
+
+    /// Whether the folder of the run's videos still holds out those that it did when the run was begun, where the run says them.
+    fn holds_out_the_same(&self, home: &Home) -> bool {
+        let Some(before) = &home.held_out_videos else { return true };
+        self.videos.list(VideoSet::Val, self.videos_used(self.video_count)).is_ok_and(|now| now == *before)
     }
 
     /// How many videos of a set are used, where so many were asked for; the suite's number for the difficulty unless any were.
@@ -230,5 +237,39 @@ mod tests {
             assert_eq!(other.protocol_of(&home), None, "{place}");
         }
         assert_eq!(own.protocol_of(&Home::default()), None, "no protocol");
+    }
+
+    /// Returns under other films than the run's own evaluations are no numbers of its protocol.
+    #[test]
+    fn no_protocol_is_named_where_the_held_out_films_have_changed() {
+        let folder = tempfile::tempdir().unwrap();
+        let (run, films) = (folder.path().join("run"), folder.path().join("films"));
+        for film in 0..8 {
+            std::fs::create_dir_all(films.join(film.to_string())).unwrap();
+            std::fs::write(films.join(film.to_string()).join("0.png"), []).unwrap();
+        }
+        let settings = DistractorSettings::default();
+        let world =
+            serde_json::json!({ "action_repeat": 4, "distractors": settings, "videos": { "folder": "../films" } });
+        let online = serde_json::json!({
+            "protocol": "dcs-easy-dynamic-500k", "world": world, "control_steps": 500_000, "final_episodes": 100,
+            "held_out_videos": ["4", "5", "6", "7"],
+        });
+        std::fs::create_dir_all(run.join("checkpoints/000009")).unwrap();
+        std::fs::write(run.join("online.json"), online.to_string()).unwrap();
+        std::fs::write(run.join("checkpoints/000009/online.json"), "{\"control_steps\":500000}").unwrap();
+        let home = home(&run);
+        let own = RecordOptions { videos: home.videos.clone().unwrap(), ..options() };
+        assert_eq!(own.protocol_of(&home).as_deref(), Some("dcs-easy-dynamic-500k"));
+        let older = Home { held_out_videos: None, ..home.clone() };
+        std::fs::rename(films.join("7"), films.join("9")).unwrap();
+        assert_eq!(own.protocol_of(&home), None, "another film");
+        assert_eq!(
+            own.protocol_of(&older).as_deref(),
+            Some("dcs-easy-dynamic-500k"),
+            "an older run does not say its films"
+        );
+        std::fs::remove_dir_all(&films).unwrap();
+        assert_eq!(own.protocol_of(&home), None, "none at all");
     }
 }

@@ -29,6 +29,8 @@ use worker::Worker;
 /// How far a recording has grown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
+    /// Background videos that are being made before anything is drawn under them; none once they are there.
+    pub preparing: usize,
     /// Episodes that are there.
     pub episodes: u64,
     /// Episodes asked for.
@@ -56,6 +58,14 @@ pub struct RecordRun<'a> {
     pub policies: PolicyMaker<'a>,
     /// Set from outside to stop after the episodes at hand.
     pub stop: &'a AtomicBool,
+}
+
+impl RecordRun<'_> {
+    /// Tells how many background videos are being made, and says whether to go on with it.
+    fn prepares(&self, preparing: usize, report: &(dyn Fn(Progress) + Sync)) -> bool {
+        report(Progress { preparing, wanted: u64::from(self.options.episodes), ..Progress::default() });
+        !self.stop.load(Ordering::Relaxed)
+    }
 }
 
 /// A function that makes a policy, as asked for, for a task in an environment of these options.
@@ -102,7 +112,8 @@ struct Shared<'a> {
 /// Records what is not there yet.
 ///
 /// # Errors
-/// The first thing that goes wrong; every episode finished by then is kept. [`vibes_env::Error::NoEgl`] on a machine that cannot draw.
+/// The first thing that goes wrong; every episode finished by then is kept. [`vibes_env::Error::NoEgl`] on a machine that cannot draw,
+/// [`vibes_env::Error::Stopped`] when asked to stop while background videos are made.
 pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Sync)) -> Result<Recording> {
     let options = run.options;
     options.check(path)?;
@@ -111,9 +122,10 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
         // Before anything is on disk: a machine without EGL leaves no empty recording behind.
         check_drawing()?;
     }
+    let go_on = |missing: usize| run.prepares(missing, report);
     let videos = match (run.source.videos(), options.pictures()) {
-        (Some((place, names)), Some(pictures)) => options.named_videos(place, &names, pictures)?,
-        _ => options.video_library()?,
+        (Some((place, names)), Some(pictures)) => options.named_videos(place, &names, pictures, &go_on)?,
+        _ => options.video_library(&go_on)?,
     };
     // What is drawn again was acted out by whoever its recording names, which need be no mix: an online run says `random`, and Python says `python`.
     let mix = run.source.acts().then(|| options.policy.parse::<PolicyMix>()).transpose()?;
@@ -180,7 +192,10 @@ impl Shared<'_> {
     }
 
     fn fail_on(&self, outcome: Result<()>) {
-        if let Err(error) = outcome {
+        // Who was stopped while videos were made is one of those that were stopped, and nothing went wrong.
+        if let Err(error) = outcome
+            && !matches!(error, Error::World(vibes_env::Error::Stopped))
+        {
             self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
             // Nobody takes another job.
             *self.jobs.lock().unwrap_or_else(PoisonError::into_inner) = Vec::new().into_iter();
@@ -189,6 +204,7 @@ impl Shared<'_> {
 
     fn tell(&self) {
         (self.report)(Progress {
+            preparing: 0,
             episodes: self.writer.len() as u64,
             wanted: u64::from(self.run.options.episodes),
             rows: self.rows.load(Ordering::Relaxed),

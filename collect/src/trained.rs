@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use vibes_data::RunFolder;
+use vibes_data::{Metrics, RunFolder};
 use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::{Look, RenderSettings};
 use vibes_env::videos::VideoSource;
@@ -106,9 +106,15 @@ pub struct Home {
     /// How its pictures were drawn.
     pub look: Look,
     /// Whether samples of the actor are evaluated rather than its mode.
-    evaluates_samples: bool,
+    pub(crate) evaluates_samples: bool,
     /// The protocol whose settings these are, with the episodes that it asks for, of a run that has lived through all its control steps.
     pub protocol: Option<(String, u32)>,
+    /// The held-out videos of its folder as they were when it was begun, where it says them.
+    pub held_out_videos: Option<Vec<String>>,
+    /// Control steps of the recordings that it began with, which it did not live through itself.
+    pub given_control_steps: Option<u64>,
+    /// What that number is known from, where that is not the recordings.
+    pub given_from: Option<String>,
 }
 
 /// Reads what a run was trained in; nothing of a folder that is no run.
@@ -119,6 +125,7 @@ pub fn home(run: &Path) -> Home {
     let online: serde_json::Value = online.or_else(read).unwrap_or_default();
     let world = &online["world"];
     let videos: Option<VideoSource> = serde_json::from_value(world["videos"].clone()).ok();
+    let (given_control_steps, given_from) = given(run, &online);
     Home {
         distractors: serde_json::from_value(world["distractors"].clone()).ok(),
         videos: videos.map(|videos| videos.found(run)),
@@ -133,7 +140,21 @@ pub fn home(run: &Path) -> Home {
             let episodes = online["final_episodes"].as_u64().and_then(|count| u32::try_from(count).ok())?;
             (lived(run)? >= wanted).then(|| (name.to_owned(), episodes))
         }),
+        held_out_videos: serde_json::from_value(online["held_out_videos"].clone()).ok(),
+        given_control_steps,
+        given_from,
     }
+}
+
+/// The control steps that a run began with, and what they are known from where that is not the recordings; of one that was begun before its options said so, as its evaluations do.
+fn given(run: &Path, online: &serde_json::Value) -> (Option<u64>, Option<String>) {
+    if let Some(from) = online["given_from"].as_str() {
+        let is_told = from != "recordings" && from != "unknown";
+        return (online["given_control_steps"].as_u64(), is_told.then(|| from.to_owned()));
+    }
+    let evaluations = Metrics::read(&RunFolder::at(run).evaluations_path()).unwrap_or_default();
+    let last = evaluations.lines.last();
+    (last.and_then(|line| line.get("given_control_steps")?.as_u64()), None)
 }
 
 /// Control steps that a run had lived through at its newest checkpoint.
@@ -216,7 +237,26 @@ mod tests {
         let Some(VideoSource::Folder(place)) = found.videos else { panic!("{:?}", found.videos) };
         assert_eq!(place.canonicalize().unwrap(), videos.canonicalize().unwrap());
         assert_eq!((found.look, found.size), (Look::Suite, Some(84)));
+        assert_eq!((found.given_control_steps, found.held_out_videos), (None, None), "from nothing, and of no folder");
         assert_eq!(home(folder.path()), Home::default(), "no run");
+    }
+
+    /// What a run began with stands in its options, and of one that is older in its evaluations.
+    #[test]
+    fn what_a_run_began_with_is_known() {
+        let folder = tempfile::tempdir().unwrap();
+        let began = |online: serde_json::Value| {
+            std::fs::write(folder.path().join("online.json"), online.to_string()).unwrap();
+            let home = home(folder.path());
+            (home.given_control_steps, home.given_from)
+        };
+        let told = |from: &str| serde_json::json!({ "given_control_steps": 1_500_000, "given_from": from });
+        assert_eq!(began(told("run.json")), (Some(1_500_000), Some("run.json".to_owned())));
+        assert_eq!(began(told("recordings")), (Some(1_500_000), None));
+        let lines = "{\"given_control_steps\":320,\"update\":1}\n{\"given_control_steps\":640,\"update\":2}\n";
+        std::fs::write(folder.path().join("evaluations.jsonl"), lines).unwrap();
+        assert_eq!(began(serde_json::json!({})), (Some(640), None), "an older run");
+        assert_eq!(began(serde_json::json!({ "given_from": "unknown" })), (None, None));
     }
 
     /// A run that is recorded while it learns on must not act with weights that the manifest does not name.

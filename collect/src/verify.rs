@@ -200,7 +200,7 @@ impl Again {
         let open = |settings| Renderer::new(settings, environment.scenery(), environment.physics().model());
         // Where nothing is drawn again, nobody sees a video.
         let videos = match settings {
-            Some(pictures) => options.named_videos(place, names, pictures)?,
+            Some(pictures) => options.named_videos(place, names, pictures, &|_missing| true)?,
             None => Arc::new(VideoLibrary::none()),
         };
         Ok(Self { listed, renderer: settings.map(open).transpose()?, videos, environment, absent })

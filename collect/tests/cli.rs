@@ -6,6 +6,7 @@
 mod run;
 
 use std::path::Path;
+use std::process::Command;
 
 use vibes_data::{EpisodeView, Recording};
 
@@ -132,6 +133,23 @@ fn a_set_of_davis_alone_is_enough_to_record_under_it() {
     }
 }
 
+/// A process may have only so many files open, and its videos be more.
+#[test]
+fn more_videos_than_files_may_be_open_are_recorded_under() {
+    let folder = tempfile::tempdir().unwrap();
+    let names: Vec<String> = (0..140).map(|number| format!("film-{number}")).collect();
+    for name in &names {
+        write_videos(&folder.path().join("films"), &[name]);
+    }
+    let script = "ulimit -n 60; exec \"$0\" --videos films --video-count 70 --episodes 2 --steps 3 --size 16 --no-mcap --threads 1 -o many";
+    let mut shell = Command::new("sh");
+    shell.args(["-c", script, env!("CARGO_BIN_EXE_vibes-collect")]).current_dir(folder.path());
+    shell.env("XDG_CACHE_HOME", folder.path().join("cache")).env("RAYON_NUM_THREADS", "2");
+    let output = shell.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(videos_of(&Recording::open(&folder.path().join("many")).unwrap()).len(), 70);
+}
+
 #[test]
 fn rewards_are_those_of_their_own_row() {
     let folder = tempfile::tempdir().unwrap();
@@ -183,6 +201,25 @@ fn info_says_what_a_recording_holds() {
     std::fs::write(&place, manifest.to_string()).unwrap();
     let text = works(folder.path(), "info r") + &works(folder.path(), "verify r --no-simulation");
     assert_eq!(text.matches("of 5 (if it was stopped, the same command goes on)").count(), 2, "{text}");
+}
+
+/// A protocol's name stands beside whether the returns are its result.
+#[test]
+fn info_names_the_protocol_that_a_manifest_has() {
+    let folder = tempfile::tempdir().unwrap();
+    works(folder.path(), "--episodes 2 --steps 3 --size 16 --no-mcap -o r");
+    assert!(!works(folder.path(), "info r").contains("protocol"));
+    let place = folder.path().join("r/manifest.json");
+    let mut manifest: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&place).unwrap()).unwrap();
+    manifest["options"]["protocol"] = "dcs-easy-dynamic-500k".into();
+    for (episodes, said) in [(2, ""), (100, "; no result of it until"), (0, "; what a run under it lived through")] {
+        manifest["options"]["episodes"] = episodes.into();
+        std::fs::write(&place, manifest.to_string()).unwrap();
+        let text = works(folder.path(), "info r");
+        let line = text.lines().find(|line| line.starts_with("protocol")).unwrap();
+        assert!(line.contains("dcs-easy-dynamic-500k, videos procedural") && line.contains(said), "{line}");
+        assert_eq!(line.contains("; "), !said.is_empty(), "{line}");
+    }
 }
 
 #[test]

@@ -62,7 +62,7 @@ fn every_row_of_a_grid_is_what_eyes_see() {
         let options = options(task);
         let recording = recorded(&options, folder.path(), PolicyMaker::default());
         let environment = options.environment().unwrap();
-        let videos = options.video_library().unwrap();
+        let videos = options.video_library(&|_| true).unwrap();
         let mut eyes = Eyes::new(environment, options.distractors, options.pictures(), videos).unwrap();
         for entry in recording.episodes() {
             let (view, cell) = (recording.episode(entry.index).unwrap(), entry.cell.unwrap());
@@ -128,7 +128,7 @@ fn a_policy_that_sees_acts_once_a_row_under_its_acting_distractor() {
     let narrow = RecordOptions { policy: "./onlooker:1".into(), acting, ..options("reacher-easy") };
     let recording = recorded(&narrow, &folder.path().join("narrow"), PolicyMaker(&make));
     assert_eq!(recording.manifest().options["acting"][0]["run"], "onlooker");
-    let videos = narrow.videos_for(pictures).unwrap();
+    let videos = narrow.videos_for(pictures, &|_| true).unwrap();
     let mut eyes = Eyes::new(narrow.environment().unwrap(), narrow.distractors, Some(pictures), videos).unwrap();
     for entry in recording.episodes() {
         let (view, cell) = (recording.episode(entry.index).unwrap(), entry.cell.unwrap());

@@ -95,9 +95,62 @@ fn a_killed_extension_leaves_the_old_recording_whole_and_goes_on() {
 
 /// Runs a command that may write no file larger than `blocks` of 512 bytes; the system then refuses to write on, as it does on a full disk.
 fn confined(folder: &Path, arguments: &str, blocks: u32) -> Output {
-    let program = env!("CARGO_BIN_EXE_vibes-collect");
-    let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec {program} {arguments}");
-    Command::new("sh").args(["-c", &script]).current_dir(folder).output().unwrap()
+    let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" {arguments}");
+    through_a_shell(folder, &script).output().unwrap()
+}
+
+/// The program begun by a shell, which knows it as `$0`.
+fn through_a_shell(folder: &Path, script: &str) -> Command {
+    let mut shell = Command::new("sh");
+    shell.args(["-c", script, env!("CARGO_BIN_EXE_vibes-collect")]).current_dir(folder);
+    shell
+}
+
+/// Sends a signal as soon as `moment` has come, and waits for the end.
+fn signalled(mut command: Command, signal: &str, moment: impl Fn() -> bool) -> Output {
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let begin = Instant::now();
+    while !moment() && child.try_wait().unwrap().is_none() {
+        assert!(begin.elapsed() < Duration::from_secs(120), "the moment never comes: {command:?}");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let sent = Command::new("sh").args(["-c", &format!("kill -{signal} {}", child.id())]).status().unwrap();
+    assert!(sent.success(), "it ended before the moment came: {command:?}");
+    child.wait_with_output().unwrap()
+}
+
+/// `nohup` has its program ignore the hang-up, which then is no reason to stop.
+#[test]
+fn a_hang_up_that_is_ignored_from_the_start_does_not_stop_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let script =
+        "trap '' HUP; exec \"$0\" --episodes 60 --steps 40 --size 48 --distract camera --threads 1 --no-mcap -o hung";
+    let has_begun = || count(&folder.path().join("hung/episodes")) > 0;
+    let output = signalled(through_a_shell(folder.path(), script), "HUP", has_begun);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(sound_episodes(&folder.path().join("hung")), 60);
+}
+
+/// Of videos that no earlier run has made it says so, and it stops between two of their frames.
+#[test]
+fn it_stops_while_videos_are_made_and_says_what_it_was_doing() {
+    let folder = tempfile::tempdir().unwrap();
+    let cache = folder.path().join("cache");
+    let videos = cache.join("vibes/videos");
+    let begun = || {
+        let mut command = command(folder.path(), "--episodes 1 --steps 2 --no-mcap --video-count 60 -o made");
+        command.env("XDG_CACHE_HOME", &cache);
+        signalled(command, "TERM", || count(&videos) > 0)
+    };
+    let output = begun();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(75), "{said}");
+    assert_eq!(said.matches("preparing 60 videos (once)").count(), 1, "{said}");
+    assert!(said.contains("stopped while background videos were made"), "{said}");
+    assert!(output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stdout));
+    let left = files(&videos).into_keys().filter(|name| !name.ends_with(".frames")).collect::<Vec<_>>();
+    assert!(left.is_empty() && count(&videos) < 60, "{left:?}");
+    assert!(!folder.path().join("made").exists(), "nothing was recorded");
 }
 
 #[test]

@@ -16,11 +16,10 @@
 //! updates that the episode before has paid for; then the episode is admitted. So every number is decided by the options and the seed, however
 //! fast either thread was, and a run that was stopped at any moment goes on from its last checkpoint to the same bytes.
 
-use std::collections::BTreeSet;
 use std::time::Instant;
 
 use burn::tensor::Device;
-use vibes_data::{EpisodeEntry, Recording};
+use vibes_data::Recording;
 use vibes_env::videos::VideoSet;
 
 use crate::error::Result;
@@ -30,6 +29,7 @@ use crate::run::Run;
 use crate::session::{Session, out_of_time};
 
 pub mod actor;
+mod beginning;
 mod checkpoint;
 pub mod evaluate;
 mod line;
@@ -106,7 +106,7 @@ fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'
     let model_options = &run.info().options;
     let libraries = [options.world.video_library(VideoSet::Train)?, options.world.video_library(VideoSet::Val)?];
     let place = run.path().join("replay");
-    let manifest = options.world.manifest(model_options.seed, libraries[0].videos(), &place)?;
+    let manifest = options.replay_manifest(model_options.seed, libraries[0].videos(), &place)?;
     let resumed = resume(run, options.behaviour.guard > 0.0, device)?;
     let (mut state, world_state) =
         resumed.as_ref().map_or_else(Default::default, |resumed| (resumed.online, resumed.world));
@@ -132,7 +132,7 @@ fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'
     std::thread::scope(|scope| {
         let acting = ActorThread::living(live, scope, &options.world, libraries, replay.writer());
         let (saved, is_saved) = (Instant::now(), resumed.is_some());
-        let given_control_steps = given_control_steps(run, given);
+        let given_control_steps = beginning::given_control_steps(run, options, given);
         let mut training = Training { setup, given_control_steps, acting, session, state, replay, saved, is_saved };
         let end = training.begin_and_run(resumed, listen);
         if end.is_err() {
@@ -141,25 +141,6 @@ fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'
         }
         end
     })
-}
-
-/// Control steps of the recordings that a run and those that it went on from began with, whether their windows are mixed in or not; a state trajectory that was recorded under
-/// several distractors, or drawn again, counts once, and what is gone does not. None where there is nothing.
-fn given_control_steps(run: &Run, given: &[Recording]) -> Option<u64> {
-    let mut recordings = given.to_vec();
-    recordings.extend(run.before().0.iter().flat_map(Run::recordings_left));
-    let mut trajectories = BTreeSet::new();
-    for recording in &recordings {
-        let repeat = recording.manifest().spec.action_repeat;
-        // What another program recorded has no seeds of its own to tell its trajectories apart by.
-        let is_imported = recording.manifest().is_imported();
-        let own = |entry: &EpisodeEntry| is_imported.then(|| entry.arrow.sha256.clone());
-        trajectories.extend(recording.episodes().iter().map(|entry| {
-            (own(entry), entry.seed, entry.policy.clone(), entry.episode_return.to_bits(), entry.steps, repeat)
-        }));
-    }
-    let steps: u64 = trajectories.iter().map(|(.., steps, repeat)| u64::from(*steps) * u64::from(*repeat)).sum();
-    (steps > 0).then_some(steps)
 }
 
 #[cfg(test)]

@@ -32,7 +32,7 @@ pub fn write_summary(run: &Run) -> Result<()> {
     // The page about a run stands below online training and reads of it what lies on disk.
     let online = std::fs::read(run.path().join("online.json")).unwrap_or_default();
     let online: Json = serde_json::from_slice(&online).unwrap_or_default();
-    let lived = Lived { control_steps, protocol: online["protocol"].as_str() };
+    let lived = Lived { control_steps, protocol: online["protocol"].as_str(), given: given(&online, &evaluations) };
     let page = summary(&run.name(), run.info(), &lived, rows.last(), &evaluations);
     Ok(write_atomically(&run.path().join("summary.md"), page.as_bytes())?)
 }
@@ -130,6 +130,12 @@ fn returns(page: &mut String, evaluations: &[Json]) {
         let starts = if line["is_final"] == true { ", of other starts" } else { "" };
         push(page, &format!("| {} | {episodes}{starts} | {} |", line["control_steps"], cells.join(" | ")));
     }
+    if evaluations.iter().any(|line| line["is_held_out"] == false) {
+        push(
+            page,
+            "\nThe held-out videos are among those of the recordings it began with: these returns say nothing of new videos.",
+        );
+    }
 }
 
 /// What only online training has.
@@ -137,12 +143,30 @@ struct Lived<'a> {
     /// Control steps, those without an update beside them too.
     control_steps: Option<f64>,
     protocol: Option<&'a str>,
+    /// What it began with and did not live through itself, in words.
+    given: Option<String>,
+}
+
+/// The control steps of the recordings that an online run began with, in words.
+pub fn given_in_words(steps: u64, is_from_run_file: bool) -> String {
+    let counted = if is_from_run_file {
+        " (of those that are gone as run.json has it, where every view of an episode counts)"
+    } else {
+        ""
+    };
+    format!("recordings of {steps} control steps{counted}")
+}
+
+/// The same from what lies on disk: of a run that was begun before it was kept, from its last evaluation.
+fn given(online: &Json, evaluations: &[Json]) -> Option<String> {
+    let known = [online].into_iter().chain(evaluations.last()).find(|line| line["given_control_steps"].is_u64())?;
+    Some(given_in_words(known["given_control_steps"].as_u64()?, known["given_from"] == "run.json"))
 }
 
 /// The page.
 fn summary(name: &str, info: &RunInfo, lived: &Lived<'_>, last: Option<&Row>, evaluations: &[Json]) -> String {
     let mut page = format!("# {name}\n\n");
-    about(&mut page, info);
+    about(&mut page, info, lived);
     if let Some(protocol) = lived.protocol {
         push(&mut page, &under(protocol, evaluations));
     }
@@ -161,17 +185,19 @@ fn summary(name: &str, info: &RunInfo, lived: &Lived<'_>, last: Option<&Row>, ev
     page
 }
 
-fn about(page: &mut String, info: &RunInfo) {
+fn about(page: &mut String, info: &RunInfo, lived: &Lived<'_>) {
     let (options, model) = (&info.options, &info.model);
     let recordings: Vec<String> = info.recording_names().iter().map(|name| format!("`{name}`")).collect();
     let from = info.from.as_ref().map_or(String::new(), |from| format!(", going on from `{from}`"));
     let versions: Vec<String> = info.versions.iter().map(|(name, version)| format!("{name} {version}")).collect();
     let lines = [
         format!("Objective **{}** on {} ({}){from}", options.objective, model.task, model.observation),
-        if recordings.is_empty() {
-            "no recordings: its own episodes alone".to_owned()
-        } else {
-            format!("{} episodes, {} steps of {}", info.episodes, info.steps, recordings.join(", "))
+        match &lived.given {
+            _ if !recordings.is_empty() => {
+                format!("{} episodes, {} steps of {}", info.episodes, info.steps, recordings.join(", "))
+            }
+            Some(_) => "no recordings in its batches: its own episodes alone".to_owned(),
+            None => "no recordings: its own episodes alone".to_owned(),
         },
         format!(
             "latent {} ({}), hidden {}, depth {}; batch {} × {} (burn-in {})",
@@ -194,7 +220,8 @@ fn about(page: &mut String, info: &RunInfo) {
         ),
         format!("seed {}; {}", options.seed, versions.join(", ")),
     ];
-    lines.iter().for_each(|line| push(page, &format!("* {line}")));
+    let began = lived.given.as_ref().map(|given| format!("began with {given}, which are not counted below"));
+    lines.iter().chain(&began).for_each(|line| push(page, &format!("* {line}")));
 }
 
 /// How much of the dynamics term's gradient reaches the encoder and from when on, where any of it does.

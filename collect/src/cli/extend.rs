@@ -10,6 +10,7 @@ use super::record::{parse_grid, record_with_progress};
 use super::{Outcome, OutputArgs};
 use crate::extend::{ExtendRun, Size, extend};
 use crate::recorder::cores;
+use crate::trained::Home;
 
 #[derive(Debug, Args)]
 pub(super) struct ExtendArgs {
@@ -30,7 +31,8 @@ pub(super) fn run(args: &ExtendArgs, output: OutputArgs) -> Result<Outcome> {
     let size = args.grid.map_or_else(|| Size::Episodes(args.episodes.unwrap_or(1)), Size::Grid);
     let run =
         ExtendRun { threads: args.threads.map_or_else(cores, usize::from), stop: vibes_command::stop_on_signals()? };
-    record_with_progress(&args.recording, u64::from(size.episodes()), output, |report| {
+    let home = Home::default();
+    record_with_progress(&args.recording, (u64::from(size.episodes()), &home), output, |report| {
         extend(&args.recording, size, run, report)
     })
 }

@@ -8,6 +8,7 @@ use clap::Args;
 use serde_json::Value;
 use vibes_data::{EpisodeEntry, Manifest, Recording, Video};
 
+use super::record::source_name;
 use super::{Outcome, OutputArgs, idle, show};
 use crate::care::merge::{MergedPart, merged_parts};
 use crate::returns::Returns;
@@ -76,6 +77,7 @@ fn describe(recording: &Recording) -> String {
             format!("{} state trajectories x {} distractor trajectories", grid.states, grid.distractors),
         ));
     }
+    lines.extend(protocol(recording).map(|line| ("protocol", line)));
     lines.push(("returns", returns(recording)));
     let policies = by_policy(episodes);
     lines.extend(policies.iter().map(|line| ("", line.clone())));
@@ -97,6 +99,18 @@ fn describe(recording: &Recording) -> String {
         versions.iter().map(|(name, version)| format!("{name} {version}")).collect::<Vec<_>>().join(", "),
     ));
     lines.iter().map(|(key, value)| format!("{key:12} {value}\n")).collect()
+}
+
+/// The protocol, and whether the returns are its result: a run's replay is what was learned from, and fewer episodes than were asked for are not the protocol's.
+fn protocol(recording: &Recording) -> Option<String> {
+    let options = &recording.manifest().options;
+    let (name, videos) = (options["protocol"].as_str()?, source_name(options)?);
+    let state = match options["episodes"].as_u64() {
+        None | Some(0) => "; what a run under it lived through, and no result of it",
+        Some(asked) if (recording.episodes().len() as u64) < asked => "; no result of it until all episodes are there",
+        Some(_) => "",
+    };
+    Some(format!("{name}, videos {videos}{state}"))
 }
 
 /// Over state trajectories, as every recording says it at its end.

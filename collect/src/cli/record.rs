@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
+use serde_json::Value;
 use vibes_command::{Given, stop_on_signals};
 use vibes_data::{Grid, MOST_ACTION_REPEAT, MOST_EPISODES, MOST_STEPS, Recording};
 
@@ -119,9 +120,8 @@ pub(super) fn parse_grid(text: &str) -> std::result::Result<Grid, String> {
 }
 
 impl RecordArgs {
-    fn resolve(&self) -> Result<RecordOptions> {
-        let home = self.home()?;
-        let (distractors, videos, video_count) = self.distraction(&home);
+    fn resolve(&self, home: &Home) -> Result<RecordOptions> {
+        let (distractors, videos, video_count) = self.distraction(home);
         let task = self.task.clone().or(home.task.clone()).unwrap_or_else(|| DEFAULT_TASK.to_owned());
         let action_repeat = self.action_repeat.or(home.action_repeat);
         let options = EnvironmentOptions { action_repeat, raw_torques: self.raw_torques };
@@ -158,11 +158,11 @@ impl RecordArgs {
             protocol: None,
             rotated: None,
         };
-        options.protocol = options.protocol_of(&home);
+        options.protocol = options.protocol_of(home);
         Ok(options)
     }
 
-    /// What the run that acts was trained in; the first of a mix, of which none is evaluated under its protocol.
+    /// What the run that acts was trained in; the first of a mix, of which none is evaluated under its protocol, or told what it began with.
     ///
     /// # Errors
     /// The runs of a mix hold an action for different numbers of control steps, and none was typed.
@@ -178,7 +178,9 @@ impl RecordArgs {
             _ => None,
         });
         let mut homes: Vec<Home> = homes.collect();
-        homes.iter_mut().for_each(|home| home.protocol = None);
+        for home in &mut homes {
+            (home.protocol, home.given_control_steps, home.given_from) = (None, None, None);
+        }
         let repeats: BTreeSet<u32> = homes.iter().filter_map(|home| home.action_repeat).collect();
         if repeats.len() > 1 && self.action_repeat.is_none() {
             let repeats: Vec<String> = repeats.iter().map(u32::to_string).collect();
@@ -215,7 +217,8 @@ impl RecordArgs {
 }
 
 pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
-    let options = args.resolve()?;
+    let home = args.home()?;
+    let options = args.resolve(&home)?;
     idle::check(&args.given, options.distractors.axes)?;
     if options.pictures().is_none() && options.acting.iter().all(|acting| acting.pictures.is_none()) {
         idle::check_unseen(&args.given)?;
@@ -234,14 +237,14 @@ pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
         policies: PolicyMaker(&policies),
         stop,
     };
-    record_with_progress(&folder, u64::from(options.episodes), output, |report| record(&folder, &run, report))
+    record_with_progress(&folder, (u64::from(options.episodes), &home), output, |report| record(&folder, &run, report))
 }
 
-/// Records with a progress bar, and says what came of it: how many of the `wanted` episodes there are.
+/// Records with a progress bar, and says what came of it: how many of the `wanted` episodes there are, and what the run began with that acts, if one does.
 #[allow(clippy::print_stdout, clippy::print_stderr, reason = "the command line says what it did")]
 pub(super) fn record_with_progress(
     folder: &Path,
-    wanted: u64,
+    (wanted, home): (u64, &Home),
     output: OutputArgs,
     record: impl FnOnce(&(dyn Fn(Progress) + Sync)) -> crate::Result<Recording>,
 ) -> Result<Outcome> {
@@ -262,22 +265,14 @@ pub(super) fn record_with_progress(
         recording => recording?,
     };
     let episodes = recording.episodes().len();
+    let said = Said::of(&recording, folder, (wanted, home), meter.seconds());
     if output.json {
-        let returns = Returns::of(&recording);
-        // Fewer episodes than were asked for are not the protocol's.
-        let protocol = recording.manifest().options["protocol"].as_str().filter(|_| episodes as u64 >= wanted);
-        let videos = protocol.and_then(|_| {
-            let source: VideoSource = serde_json::from_value(recording.manifest().options["videos"].clone()).ok()?;
-            Some(source.name())
-        });
-        let look = protocol.and_then(|_| recording.manifest().options["look"].as_str());
-        let said = Said { recording: folder, episodes, seconds: meter.seconds(), protocol, videos, look, returns };
         println!("{}", serde_json::to_string(&said)?);
     } else if !output.quiet {
-        if rows.into_inner() == 0 {
+        if rows.into_inner() == 0 && episodes > 0 && episodes as u64 >= wanted {
             println!("all {episodes} episodes are there already and used again");
         }
-        say(&recording, meter.seconds());
+        println!("{}", said.in_words(&recording));
     }
     if (episodes as u64) < wanted {
         eprintln!("stopped after {episodes} of {wanted} episodes; the same command goes on: {}", folder.display());
@@ -300,26 +295,68 @@ struct Said<'a> {
     /// How the pictures were drawn that the policy saw under a protocol, which leaves that free.
     #[serde(skip_serializing_if = "Option::is_none")]
     look: Option<&'a str>,
+    /// Control steps of the recordings that the run began with which acts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    given_control_steps: Option<u64>,
+    /// What that number is known from, where that is not the recordings: those that are gone are counted with every view of an episode.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    given_from: Option<&'a str>,
     #[serde(flatten)]
     returns: Option<Returns>,
 }
 
-#[allow(clippy::print_stdout, reason = "the command line says what it did")]
-fn say(recording: &Recording, seconds: f64) {
-    let episodes = recording.episodes();
-    let frames: u64 = episodes.iter().map(|entry| u64::from(entry.steps) + 1).sum();
-    let size: u64 = recording.bytes();
-    let returns = Returns::of(recording).map_or_else(String::new, |Returns { mean_return, interval, .. }| {
-        let interval =
-            interval.map_or_else(String::new, |[low, high]| format!(" (95% interval {low:.1} to {high:.1})"));
-        format!(", mean return {mean_return:.1}{interval}")
-    });
-    println!(
-        "{}: {} episodes, {frames} frames, {}{returns}, in {seconds:.1} s",
-        recording.path().display(),
-        episodes.len(),
-        show::bytes(size)
-    );
+/// The source of the videos that options name: `procedural`, or the name of a folder.
+pub(super) fn source_name(options: &Value) -> Option<String> {
+    let source: VideoSource = serde_json::from_value(options["videos"].clone()).ok()?;
+    Some(source.name())
+}
+
+impl<'a> Said<'a> {
+    fn of(recording: &'a Recording, folder: &'a Path, (wanted, home): (u64, &'a Home), seconds: f64) -> Self {
+        let (episodes, options) = (recording.episodes().len(), &recording.manifest().options);
+        // Fewer episodes than were asked for are not the protocol's.
+        let protocol = options["protocol"].as_str().filter(|_| episodes as u64 >= wanted);
+        Self {
+            recording: folder,
+            episodes,
+            seconds,
+            protocol,
+            videos: protocol.and_then(|_| source_name(options)),
+            look: protocol.and_then(|_| options["look"].as_str()),
+            given_control_steps: home.given_control_steps,
+            given_from: home.given_from.as_deref(),
+            returns: Returns::of(recording),
+        }
+    }
+
+    /// The same in one line.
+    fn in_words(&self, recording: &Recording) -> String {
+        let frames: u64 = recording.episodes().iter().map(|entry| u64::from(entry.steps) + 1).sum();
+        let returns = self.returns.as_ref().map_or_else(String::new, |Returns { mean_return, interval, .. }| {
+            let interval =
+                interval.map_or_else(String::new, |[low, high]| format!(" (95% interval {low:.1} to {high:.1})"));
+            format!(", mean return {mean_return:.1}{interval}")
+        });
+        format!(
+            "{}: {} episodes, {frames} frames, {}{returns}{}, in {:.1} s",
+            recording.path().display(),
+            self.episodes,
+            show::bytes(recording.bytes()),
+            self.under(),
+            self.seconds
+        )
+    }
+
+    /// `, under PROTOCOL (videos procedural)` where it is under one, and what the run that acts began with.
+    fn under(&self) -> String {
+        let videos = self.videos.as_deref().unwrap_or("unknown");
+        let protocol = self.protocol.map_or_else(String::new, |name| format!(", under {name} (videos {videos})"));
+        let given = self.given_control_steps.map_or_else(String::new, |steps| {
+            let gone = if self.given_from.is_some() { ", every view of those that are gone counted" } else { "" };
+            format!(", by a run that began with recordings of {steps} control steps{gone}")
+        });
+        protocol + &given
+    }
 }
 
 #[cfg(test)]
@@ -333,5 +370,29 @@ mod tests {
         for text in ["", "10", "x10", "0x3", "3x-1", "2x2x2", "10000x10000", "axb"] {
             assert!(parse_grid(text).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn a_whole_recording_names_its_protocol_and_what_the_run_that_acts_began_with() {
+        let folder = tempfile::tempdir().unwrap();
+        let sample = concat!(env!("CARGO_MANIFEST_DIR"), "/../data/sample/manifest.json");
+        let mut manifest: Value = serde_json::from_slice(&std::fs::read(sample).unwrap()).unwrap();
+        manifest["options"]["protocol"] = "dcs-easy-dynamic-500k".into();
+        std::fs::write(folder.path().join("manifest.json"), manifest.to_string()).unwrap();
+        let recording = Recording::open(folder.path()).unwrap();
+        let (whole, given_from) = (recording.episodes().len() as u64, Some("run.json".to_owned()));
+        let home = Home { given_control_steps: Some(1_500_000), given_from, ..Home::default() };
+        let said = Said::of(&recording, folder.path(), (whole, &home), 1.0);
+        let line = said.in_words(&recording);
+        assert!(line.contains(", under dcs-easy-dynamic-500k (videos procedural), by a run that began with"), "{line}");
+        assert!(line.contains("recordings of 1500000 control steps, every view"), "{line}");
+        let json = serde_json::to_value(&said).unwrap();
+        assert_eq!(json["protocol"], "dcs-easy-dynamic-500k");
+        assert_eq!((&json["given_control_steps"], &json["given_from"]), (&1_500_000.into(), &"run.json".into()));
+        let home = Home::default();
+        let part = Said::of(&recording, folder.path(), (whole + 1, &home), 1.0);
+        let (line, json) = (part.in_words(&recording), serde_json::to_value(&part).unwrap());
+        assert!(!line.contains(", under ") && !line.contains(" began with "), "{line}");
+        assert!(json.get("protocol").is_none() && json.get("given_control_steps").is_none(), "{json}");
     }
 }

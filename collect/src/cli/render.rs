@@ -13,6 +13,7 @@ use super::{Outcome, OutputArgs, idle};
 use crate::recorder::cores;
 use crate::redraw::{NewDistractors, Redraw};
 use crate::stored::options_of;
+use crate::trained::Home;
 use vibes_env::distractors::{Axes, Difficulty};
 use vibes_env::render::{Look, MAX_SIZE};
 use vibes_env::videos::{MOST_VIDEOS, VideoSet, VideoSource};
@@ -110,5 +111,9 @@ pub(super) fn run(args: &RenderArgs, output: OutputArgs) -> Result<Outcome> {
     let run = (args.threads.map_or_else(cores, usize::from), vibes_command::stop_on_signals()?);
     let wanted = recording.episodes().len() as u64;
     let redraw = args.redraw();
-    record_with_progress(&args.output, wanted, output, |report| redraw.draw(&recording, &args.output, run, report))
+    // Nobody acts.
+    let home = Home::default();
+    record_with_progress(&args.output, (wanted, &home), output, |report| {
+        redraw.draw(&recording, &args.output, run, report)
+    })
 }

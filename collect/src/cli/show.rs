@@ -1,6 +1,6 @@
 //! How numbers and progress look on a terminal, and plainly elsewhere.
 
-use std::sync::Mutex;
+use std::sync::{Mutex, Once};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -24,6 +24,7 @@ pub(super) struct Meter {
     bar: Option<ProgressBar>,
     started: Instant,
     said: Mutex<Instant>,
+    prepares: Once,
     quiet: bool,
 }
 
@@ -38,11 +39,26 @@ impl Meter {
             ProgressBar::new(wanted).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
         });
         let now = Instant::now();
-        Self { bar, started: now, said: Mutex::new(now), quiet }
+        Self { bar, started: now, said: Mutex::new(now), prepares: Once::new(), quiet }
+    }
+
+    /// Says once that videos are made first, since nothing else is seen for minutes.
+    #[allow(clippy::print_stderr, reason = "progress of the command line")]
+    fn prepare(&self, videos: usize) {
+        let say = || eprintln!("preparing {videos} videos (once)");
+        self.prepares.call_once(|| match &self.bar {
+            Some(bar) => bar.suspend(say),
+            None if !self.quiet => say(),
+            None => {}
+        });
     }
 
     #[allow(clippy::print_stderr, reason = "progress of the command line")]
     pub(super) fn tell(&self, progress: Progress) {
+        if progress.preparing > 0 {
+            self.prepare(progress.preparing);
+            return;
+        }
         let rate = progress.rows as f64 / self.started.elapsed().as_secs_f64().max(1e-3);
         if let Some(bar) = &self.bar {
             bar.set_position(progress.episodes);

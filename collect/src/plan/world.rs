@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use vibes_data::{Manifest, Video};
 use vibes_env::render::RenderSettings;
-use vibes_env::videos::{MOST_VIDEOS, VideoLibrary, VideoSource};
+use vibes_env::videos::{GoOn, MOST_VIDEOS, VideoLibrary, VideoSource};
 use vibes_env::{Environment, EnvironmentOptions, Heading};
 
 use super::RecordOptions;
@@ -31,28 +31,34 @@ impl RecordOptions {
         self.size.map(|size| RenderSettings { size: size as usize, look: self.look })
     }
 
-    /// The background videos, with frames for pictures of these settings; none where the background axis is off.
+    /// The background videos, with frames for pictures of these settings, which are made while `go_on` says yes; none where the background axis is off.
     ///
     /// # Errors
-    /// A folder that holds too few videos, a frame that cannot be decoded.
-    pub fn videos_for(&self, pictures: RenderSettings) -> Result<Arc<VideoLibrary>> {
+    /// A folder that holds too few videos, a frame that cannot be decoded; [`vibes_env::Error::Stopped`].
+    pub fn videos_for(&self, pictures: RenderSettings, go_on: GoOn<'_>) -> Result<Arc<VideoLibrary>> {
         if !self.distractors.axes.background {
             return Ok(Arc::new(VideoLibrary::none()));
         }
         let count = self.videos_used(self.video_count);
-        self.open_videos(&self.videos.list(self.video_set, count)?, pictures)
+        self.open_videos(&self.videos.list(self.video_set, count)?, pictures, go_on)
     }
 
     /// The same, of the recording at `place`: its manifest names its videos, whatever else the folder holds by now.
     ///
     /// # Errors
-    /// A video that is gone, a frame that cannot be decoded; names that no folder has, since a damaged manifest may name anything.
-    pub fn named_videos(&self, place: &Path, names: &[String], pictures: RenderSettings) -> Result<Arc<VideoLibrary>> {
+    /// A video that is gone, a frame that cannot be decoded; names that no folder has, since a damaged manifest may name anything; [`vibes_env::Error::Stopped`].
+    pub fn named_videos(
+        &self,
+        place: &Path,
+        names: &[String],
+        pictures: RenderSettings,
+        go_on: GoOn<'_>,
+    ) -> Result<Arc<VideoLibrary>> {
         if !self.distractors.axes.background {
             return Ok(Arc::new(VideoLibrary::none()));
         }
         Self::check_names(place, names)?;
-        self.open_videos(names, pictures)
+        self.open_videos(names, pictures, go_on)
     }
 
     /// The folder of the background videos of these names, where it or one of them is not there: they need not have travelled along with the recording at `place`.
@@ -82,18 +88,18 @@ impl RecordOptions {
         Ok(())
     }
 
-    fn open_videos(&self, names: &[String], pictures: RenderSettings) -> Result<Arc<VideoLibrary>> {
+    fn open_videos(&self, names: &[String], pictures: RenderSettings, go_on: GoOn<'_>) -> Result<Arc<VideoLibrary>> {
         let side = pictures.look.sky_side(pictures.size);
-        Ok(Arc::new(VideoLibrary::open(&self.videos, self.video_set, names, side)?))
+        Ok(Arc::new(VideoLibrary::open_while(&self.videos, self.video_set, names, side, go_on)?))
     }
 
     /// The background videos of the recording: none where nobody sees any, neither the recording nor whoever acts.
     ///
     /// # Errors
     /// As [`Self::videos_for`].
-    pub fn video_library(&self) -> Result<Arc<VideoLibrary>> {
+    pub fn video_library(&self, go_on: GoOn<'_>) -> Result<Arc<VideoLibrary>> {
         let seen = self.pictures().or(self.acting.iter().find_map(|acting| acting.pictures));
-        seen.map_or_else(|| Ok(Arc::new(VideoLibrary::none())), |pictures| self.videos_for(pictures))
+        seen.map_or_else(|| Ok(Arc::new(VideoLibrary::none())), |pictures| self.videos_for(pictures, go_on))
     }
 
     /// The manifest of a recording in `folder`, still without episodes.

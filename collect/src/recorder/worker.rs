@@ -117,9 +117,11 @@ impl<'a> Worker<'a> {
             return Ok(place);
         }
         let options = self.shared.run.options;
-        let recorded = self.shared.studio.videos();
+        let shared = self.shared;
+        let recorded = shared.studio.videos();
         let fits = options.distractors.axes.background && recorded.side() == pictures.look.sky_side(pictures.size);
-        let videos = if fits { recorded.clone() } else { options.videos_for(pictures)? };
+        let go_on = |missing: usize| shared.run.prepares(missing, shared.report);
+        let videos = if fits { recorded.clone() } else { options.videos_for(pictures, &go_on)? };
         let eyes = Eyes::new(options.environment()?, options.distractors, Some(pictures), videos)?;
         self.seeing.push(eyes);
         Ok(self.seeing.len() - 1)

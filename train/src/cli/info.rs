@@ -31,12 +31,12 @@ fn of_world_model(context: &Context, run: &Run) -> Result<()> {
     let metrics = Metrics::read(&run.metrics_path())?;
     let control_steps = metrics.last("control_steps");
     let rows = rows_of(metrics, &run.metrics_path())?;
-    let checkpoints = run.checkpoints();
+    let (checkpoints, online) = (run.checkpoints(), OnlineOptions::read(run.path())?);
     if context.json {
         let last = rows.last();
         println!(
             "{}",
-            serde_json::json!({ "run": run.path(), "info": run.info(), "checkpoints": checkpoints, "last": last })
+            serde_json::json!({ "run": run.path(), "info": run.info(), "online": online, "checkpoints": checkpoints, "last": last })
         );
         return Ok(());
     }
@@ -54,8 +54,8 @@ fn of_world_model(context: &Context, run: &Run) -> Result<()> {
         println!("  recordings   {} ({} episodes, {} steps)", names.join(", "), info.episodes, info.steps);
     }
     println!("  checkpoints  {}", checkpoints.iter().map(u64::to_string).collect::<Vec<_>>().join(", "));
-    if let Some(online) = OnlineOptions::read(run.path())? {
-        print_protocol(&online);
+    if let Some(online) = &online {
+        print_online(online);
     }
     if let Some(last) = rows.last() {
         print_row(last, options.updates, control_steps);
@@ -63,9 +63,15 @@ fn of_world_model(context: &Context, run: &Run) -> Result<()> {
     Ok(())
 }
 
-fn print_protocol(options: &OnlineOptions) {
+fn print_online(options: &OnlineOptions) {
     if let Some(protocol) = options.protocol {
         println!("  protocol     {protocol}, videos {}", options.world.videos.name());
+    }
+    if let Some(given) = options.given_in_words() {
+        println!("  began with   {given}, which are not counted");
+    }
+    if !options.held_out_seen.is_empty() {
+        println!("  not held out {}, seen in its recordings", options.held_out_seen.join(", "));
     }
 }
 
@@ -85,7 +91,7 @@ fn of_model_free(context: &Context, folder: &Folder) -> Result<()> {
     println!("{}", folder.path().display());
     println!("  system       {}, {}", options.system, options.size);
     println!("  world        {}, distractors {}, seed {}", world.task, world.distractors.axes, options.seed);
-    print_protocol(&options.online);
+    print_online(&options.online);
     println!("  latents      {}", options.agent.latents());
     println!("  checkpoints  {}", checkpoints.iter().map(u64::to_string).collect::<Vec<_>>().join(", "));
     let number = |name: &str| metrics.last(name).unwrap_or(0.0);

@@ -19,7 +19,7 @@ use vibes_train::online::options::OnlineOptions;
 
 use super::Context;
 use super::device::DeviceArgs;
-use super::online_progress::{on, protocol_of};
+use super::online_progress::{ended_under, on, protocol_of, under};
 
 /// Time between lines.
 const EVERY: Duration = Duration::from_secs(15);
@@ -207,11 +207,12 @@ pub(crate) fn run(context: &Context, folder: &Folder, device: DeviceArgs) -> Res
         }
     };
     say(&format!(
-        "{} ({}) on {}, distractors {}, {} updates per agent step; into {path}",
+        "{} ({}) on {}, distractors {}{}, {} updates per agent step; into {path}",
         options.system,
         options.size,
         options.online.world.task,
         options.online.world.distractors.axes,
+        under(&options.online),
         options.updates_per_step
     ));
     let mut said: Option<Instant> = None;
@@ -234,30 +235,35 @@ pub(crate) fn run(context: &Context, folder: &Folder, device: DeviceArgs) -> Res
             Event::Evaluated(evaluation) => say(&format!(
                 "evaluated at {} control steps: mean return{} {:.1}",
                 evaluation.counters.control_steps,
-                on(evaluation.gap.is_some()),
+                on(evaluation.gap.is_some(), true),
                 evaluation.held_out.mean_return
             )),
         }
         if stop.load(std::sync::atomic::Ordering::Relaxed) { Go::Stop } else { Go::On }
     })?;
+    let last = Metrics::read(&folder.places().evaluations_path())?.lines.pop().map(serde_json::Value::Object);
     if context.json {
         let end = format!("{end:?}").to_lowercase();
-        let last = Metrics::read(&folder.places().evaluations_path())?.lines.pop().map(serde_json::Value::Object);
         let protocol = protocol_of(last.as_ref());
         println!(
             "{}",
             serde_json::json!({ "run": folder.path(), "end": end, "protocol": protocol, "evaluation": last })
         );
     } else if !context.quiet {
+        let under = ended_under(&options.online, last.as_ref());
         match end {
             End::Nothing => {
-                println!("{path} has lived through its control steps already; ask for more with --control-steps N");
+                println!(
+                    "{path} has lived through its control steps already{under}; ask for more with --control-steps N"
+                );
             }
-            End::Updates => println!("done: {path}"),
+            End::Updates => println!("done{under}: {path}"),
             End::Minutes | End::Stopped if folder.places().checkpoints().is_empty() => {
-                println!("stopped before anything was learned; the same command begins anew: {path}");
+                println!("stopped before anything was learned{under}; the same command begins anew: {path}");
             }
-            End::Minutes | End::Stopped => println!("stopped and saved; the same command goes on from there: {path}"),
+            End::Minutes | End::Stopped => {
+                println!("stopped and saved{under}; the same command goes on from there: {path}");
+            }
         }
     }
     Ok(if end == End::Stopped { Ending::Again } else { Ending::Done })

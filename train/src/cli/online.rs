@@ -26,7 +26,7 @@ use super::Context;
 use super::device::DeviceArgs;
 use super::flags::OptionArgs;
 use super::model_free::{self, ModelFreeArgs};
-use super::online_progress::{OnlineProgress, on_videos, protocol_of};
+use super::online_progress::{OnlineProgress, ended_under, on_videos, protocol_of};
 
 /// Where to begin.
 #[derive(Debug, Args)]
@@ -225,6 +225,7 @@ fn report(context: &Context, run: &Run, options: &OnlineOptions, end: End) -> Re
     let set = if options.world.has_videos() { " --video-set val" } else { "" };
     let on = last.as_ref().map_or("", on_videos);
     let text = found.map_or(String::new(), |mean| format!("; mean return{on} {mean:.1}"));
+    let text = ended_under(options, last.as_ref()) + &text;
     match end {
         End::Nothing => {
             println!(
@@ -234,7 +235,7 @@ fn report(context: &Context, run: &Run, options: &OnlineOptions, end: End) -> Re
         End::Updates => println!("done{text}; next: vibes-collect --policy {path} --grid 10x10"),
         End::Minutes => println!("the minutes are up{text}; ask for more with --minutes M: {path}"),
         End::Stopped if run.checkpoints().is_empty() => {
-            println!("stopped before anything was learned; the same command begins anew: {path}");
+            println!("stopped before anything was learned{text}; the same command begins anew: {path}");
         }
         End::Stopped => println!("stopped and saved{text}; the same command goes on from there: {path}"),
     }

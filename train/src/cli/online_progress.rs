@@ -47,14 +47,16 @@ impl OnlineProgress {
             ),
         };
         self.say(&format!(
-            "{} online on {} ({}), distractors {}, {} rows per agent step{given}; into {}",
+            "{} online on {} ({}), distractors {}{}, {} rows per agent step{given}; into {}",
             info.options.objective,
             info.model.task,
             info.model.observation,
             options.world.distractors.axes,
+            under(options),
             options.rows_per_step,
             prepared.run.path().display()
         ));
+        prepared.notes().iter().for_each(|note| self.say(note));
         if let Some(text) = other_steps(&prepared.run) {
             self.say(&text);
         }
@@ -108,14 +110,33 @@ impl OnlineProgress {
     }
 }
 
-/// ` on held-out videos` where an evaluation is: where nobody sees a video, the returns of the two sets are those of the same episodes.
-pub(crate) fn on_videos(evaluation: &serde_json::Value) -> &'static str {
-    on(evaluation["held_out"] != evaluation["training_videos"])
+/// `, under PROTOCOL (videos procedural)` where a run is under one.
+pub(crate) fn under(options: &OnlineOptions) -> String {
+    let videos = options.world.videos.name();
+    options.protocol.map_or_else(String::new, |protocol| format!(", under {protocol} (videos {videos})"))
 }
 
-/// The same where it is known whether videos are seen.
-pub(crate) fn on(has_videos: bool) -> &'static str {
-    if has_videos { " on held-out videos" } else { "" }
+/// The same of a run that has come to an end or to a stop: whether its last evaluation is the protocol's.
+pub(crate) fn ended_under(options: &OnlineOptions, last: Option<&serde_json::Value>) -> String {
+    let Some(protocol) = options.protocol else { return String::new() };
+    if protocol_of(last) == Some(protocol.to_string().as_str()) {
+        return under(options);
+    }
+    format!(", with no result under {protocol} yet")
+}
+
+/// ` on held-out videos` where an evaluation is: where nobody sees a video, the returns of the two sets are those of the same episodes.
+pub(crate) fn on_videos(evaluation: &serde_json::Value) -> &'static str {
+    on(evaluation["held_out"] != evaluation["training_videos"], evaluation["is_held_out"] != false)
+}
+
+/// The same where it is known whether videos are seen, and whether those held out are new to the run.
+pub(crate) fn on(has_videos: bool, is_held_out: bool) -> &'static str {
+    match (has_videos, is_held_out) {
+        (false, _) => "",
+        (true, true) => " on held-out videos",
+        (true, false) => " on videos that are in its recordings",
+    }
 }
 
 /// The protocol that the last evaluation of a run is one of; none of one that was made on the way, or before its control steps were lived through.
@@ -150,7 +171,7 @@ fn evaluated(evaluation: &Evaluation) -> String {
         evaluation.gap.as_ref().map_or(String::new(), |gap| format!(", gap {:.1}{}", gap.mean, interval(gap.interval)));
     // Without a gap nobody sees a video, and the two sets are one.
     let has_videos = evaluation.gap.is_some();
-    let on = on(has_videos);
+    let on = on(has_videos, evaluation.is_held_out != Some(false));
     let training = format!(", training videos {:.1}{}{gap}", training.mean_return, interval(training.interval));
     let training = if has_videos { training } else { String::new() };
     format!(
@@ -161,4 +182,35 @@ fn evaluated(evaluation: &Evaluation) -> String {
         interval(held_out.interval),
         held_out.returns.len()
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use vibes_train::online::prepare::{default_options, default_world};
+    use vibes_train::online::protocol::Protocol;
+
+    use super::*;
+
+    #[test]
+    fn a_protocol_is_named_at_the_start_and_as_a_result_once_there_is_one() {
+        let mut options = default_options(default_world("cartpole-swingup").unwrap(), false);
+        assert_eq!((under(&options), ended_under(&options, None)), (String::new(), String::new()));
+        options.settle(Protocol::DcsEasyDynamic500k);
+        let named = ", under dcs-easy-dynamic-500k (videos procedural)";
+        assert_eq!(under(&options), named);
+        let line = |is_final: bool| serde_json::json!({ "is_final": is_final, "protocol": "dcs-easy-dynamic-500k" });
+        assert_eq!(ended_under(&options, Some(&line(true))), named);
+        for last in [None, Some(line(false))] {
+            let said = ended_under(&options, last.as_ref());
+            assert_eq!(said, ", with no result under dcs-easy-dynamic-500k yet");
+        }
+    }
+
+    #[test]
+    fn videos_that_were_seen_are_not_called_held_out() {
+        let line =
+            |told: serde_json::Value| serde_json::json!({ "held_out": 1, "training_videos": 2, "is_held_out": told });
+        assert_eq!(on_videos(&line(().into())), " on held-out videos");
+        assert_eq!(on_videos(&line(false.into())), " on videos that are in its recordings");
+    }
 }

@@ -14,7 +14,7 @@ use rand::{RngCore, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use vibes_data::{Episode, EpisodeInfo, RecordingWriter};
 use vibes_env::videos::{VideoLibrary, VideoSet};
-use vibes_env::{Eyes, Policy, SingleRandom, Start, Trained, rollout_frames};
+use vibes_env::{EpisodeSeeds, Eyes, Policy, SingleRandom, Start, Trained, distractor_seed, rollout_frames};
 use vibes_model::ObservationKind;
 use vibes_model::player::Player;
 
@@ -155,8 +155,9 @@ impl Stage<'_> {
             Some(eyes) => eyes,
             None => self.world.eyes(Arc::clone(&self.libraries[place]))?,
         };
+        let seeds = seeds_of(&task);
         let mut policy = policy(task.player, &eyes);
-        let outcome = rollout_frames(&mut eyes, policy.as_mut(), self.world.steps, task.seed.into());
+        let outcome = rollout_frames(&mut eyes, policy.as_mut(), self.world.steps, seeds);
         self.eyes[place] = Some(eyes);
         let (start, episode) = outcome?;
         let (steps, episode_return) = (episode.steps() as u32, episode.episode_return());
@@ -169,6 +170,16 @@ impl Stage<'_> {
     fn write(&self, episode: Episode, start: &Start, policy: String, seed: u64) -> Result<()> {
         let model_overrides = serde_json::to_value(&start.model_overrides).unwrap_or_default();
         replay::write(&self.writer, &episode, EpisodeInfo { policy, seed, model_overrides })
+    }
+}
+
+/// The seeds of an episode. What is learned from has its distractors drawn apart from the choices: with one seed for both, the first random action would tell the film. What is only watched
+/// is under the distractors of its own seed, as in every run before.
+fn seeds_of(task: &Task) -> EpisodeSeeds {
+    let seeds = EpisodeSeeds::from(task.seed);
+    match task.keep {
+        Some(_) => EpisodeSeeds { distractors: distractor_seed(task.seed, 0).into(), ..seeds },
+        None => seeds,
     }
 }
 
@@ -201,4 +212,23 @@ pub enum EpisodeKind {
     Evaluation = 2,
     /// The last evaluation.
     Final = 3,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_learned_from_has_distractors_that_no_choice_tells() {
+        let task = |seed, keep| Task { player: None, videos: VideoSet::Train, seed, keep };
+        for seed in 0..60 {
+            let kept = seeds_of(&task(seed, Some((0, "random".to_owned()))));
+            assert_eq!(kept.state, seed);
+            let mut film = ChaCha8Rng::seed_from_u64(kept.distractors.background);
+            film.set_stream(1);
+            let [_, mut choices] = kept.generators();
+            assert_ne!(choices.next_u64(), film.next_u64(), "episode {seed}");
+            assert_eq!(seeds_of(&task(seed, None)), EpisodeSeeds::from(seed), "watched as in every run before");
+        }
+    }
 }

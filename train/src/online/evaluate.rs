@@ -14,7 +14,7 @@ use vibes_model::player::Player;
 use vibes_model::trained::TrainedAgent;
 
 use super::actor::{ActorThread, EpisodeKind, Task, episode_seed};
-use super::options::OnlineOptions;
+use super::options::{GivenFrom, OnlineOptions};
 use super::protocol::Protocol;
 use super::unfinished::{Unfinished, Which};
 use crate::error::Result;
@@ -32,7 +32,7 @@ pub struct Counters {
     pub agent_steps: u64,
     /// Episodes admitted.
     pub episodes: u32,
-    /// Control steps of the recordings that the run began with, which it did not live through itself; views of an episode count once. None where there were no recordings, or they are gone.
+    /// Control steps of the recordings that the run began with, which it did not live through itself. None where there were no recordings, or how long they were is not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub given_control_steps: Option<u64>,
 }
@@ -65,6 +65,12 @@ pub struct Evaluation {
     /// Where the run stood.
     #[serde(flatten)]
     pub counters: Counters,
+    /// What `given_control_steps` is known from, where that is not the recordings: of those that are gone every view of an episode counts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub given_from: Option<GivenFrom>,
+    /// False where the run began with recordings under videos of the held-out set; else it is not said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub is_held_out: Option<bool>,
     /// The protocol, if the run follows one; none of a last evaluation that came before its control steps were lived through, as where the minutes were up.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub protocol: Option<Protocol>,
@@ -145,9 +151,19 @@ pub fn evaluate(
     let gap = has_videos.then(|| Gap::between(&training_videos, &held_out)).transpose()?;
     let is_over = counters.control_steps >= options.control_steps;
     let protocol = options.protocol.filter(|_| is_over || !is_final);
-    let videos = protocol.map(|_| options.world.videos.name());
-    let (look, size) = (protocol.map(|_| options.world.look), protocol.and(options.world.size));
-    Ok(Some(Evaluation { counters, protocol, videos, look, size, held_out, training_videos, gap, is_final }))
+    Ok(Some(Evaluation {
+        counters,
+        given_from: options.given_from.filter(|from| *from == GivenFrom::RunFile),
+        is_held_out: (!options.held_out_seen.is_empty()).then_some(false),
+        protocol,
+        videos: protocol.map(|_| options.world.videos.name()),
+        look: protocol.map(|_| options.world.look),
+        size: protocol.and(options.world.size),
+        held_out,
+        training_videos,
+        gap,
+        is_final,
+    }))
 }
 
 /// Drops the lines of evaluations that a stopped run made after its last checkpoint, of so many updates and control steps: those from `next` control steps on, and of a run that was

@@ -139,7 +139,7 @@ pub(super) fn model_free_living(
     let world = &options.online.world;
     let libraries = [world.video_library(VideoSet::Train)?, world.video_library(VideoSet::Val)?];
     let place = folder.path().join("replay");
-    let manifest = world.manifest(options.seed, libraries[0].videos(), &place)?;
+    let manifest = options.online.replay_manifest(options.seed, libraries[0].videos(), &place)?;
     let resumed = folder.resume(device)?;
     let mut state = resumed.as_ref().map_or_else(State::default, |(_, state)| *state);
     if state.is_finished && state.control_steps >= options.online.control_steps {

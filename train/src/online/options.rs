@@ -76,6 +76,30 @@ pub struct OnlineOptions {
     /// The held-out videos of a folder, as they were when the run began: its returns are of these to the end. None of built-in videos, which do not change.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub held_out_videos: Option<Vec<String>>,
+    /// Control steps that the run began with and did not live through itself: of the recordings that the runs before it learned from. Counted when it was begun, since
+    /// recordings are taken away; none where there are none, or it is not known.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub given_control_steps: Option<u64>,
+    /// What that number rests on; none of a run from nothing, and of one that was begun before this was kept.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub given_from: Option<GivenFrom>,
+    /// Held-out videos that the run began with recordings of: its returns under held-out videos are then not of new ones.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub held_out_seen: Vec<String>,
+}
+
+/// What the control steps that a run began with are known from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum GivenFrom {
+    /// The recordings: views of an episode count once.
+    #[serde(rename = "recordings")]
+    Recordings,
+    /// In part the `run.json` of a run whose recordings are gone, where every view counts.
+    #[serde(rename = "run.json")]
+    RunFile,
+    /// Nothing: with a run before this one it is gone what that one learned from.
+    #[serde(rename = "unknown")]
+    Unknown,
 }
 
 impl OnlineOptions {
@@ -149,8 +173,11 @@ impl OnlineOptions {
         let free = ["control_steps", "evaluate_every", "evaluation_episodes", "final_episodes"];
         let mut value = serde_json::to_value(self).unwrap_or_default();
         // What is left out of the file at its default has a value all the same.
-        // A folder whose videos have changed is told by itself, and older runs do not say theirs.
-        value.as_object_mut().map(|entries| entries.remove("held_out_videos"));
+        // A folder whose videos have changed is told by itself, older runs do not say theirs, and what a run began with is settled once.
+        let settled = ["held_out_videos", "given_control_steps", "given_from", "held_out_seen"];
+        if let Some(entries) = value.as_object_mut() {
+            entries.retain(|key, _| !settled.contains(&key.as_str()));
+        }
         value["behaviour"]["guard"] = self.behaviour.guard.into();
         value["behaviour"]["guard_members"] = self.behaviour.guard_members.into();
         if let (false, Some(entries)) = (is_published, value.as_object_mut()) {
@@ -313,7 +340,7 @@ impl OnlineOptions {
         }
         let count = settings.distractors.difficulty.videos();
         if world.videos != VideoSource::Procedural && !world.videos.is_davis(count.unwrap_or(davis::VAL.len())) {
-            let wanted = "of DAVIS 2017, the first of both of its lists, or the built-in ones";
+            let wanted = "of DAVIS 2017, whole and the first of both of its lists, or the built-in ones";
             return refuse("videos", "of another folder".to_owned(), wanted.to_owned());
         }
         if world.size.is_none() {
@@ -365,191 +392,4 @@ pub(super) fn difference(
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::prepare::{default_options, default_world};
-    use super::*;
-
-    type Change = fn(&mut OnlineOptions);
-
-    #[test]
-    fn a_longer_run_hides_no_other_change() {
-        let found = default_options(default_world("cartpole-swingup").unwrap(), false);
-        let longer = OnlineOptions { control_steps: 600_000, evaluate_every: 5000, ..found.clone() };
-        assert_eq!(found.first_difference(&longer), None);
-        let changes: [(&str, Change); 6] = [
-            ("exploration", |options| options.exploration = 0.0),
-            ("first_updates", |options| options.first_updates = 7),
-            ("prefill", |options| options.prefill = 9),
-            ("rows_per_step", |options| options.rows_per_step = 64.0),
-            ("behaviour.discount", |options| options.behaviour.discount = 0.5),
-            ("world.steps", |options| options.world.steps = 40),
-        ];
-        let short = OnlineOptions { short_horizon: 5, short_for: 400, critic_first: 500, ..found.clone() };
-        assert!(short.check_new(false).unwrap_err().to_string().contains("--short-for is 400"));
-        let short = OnlineOptions { critic_first: 300, ..short };
-        short.check_new(false).unwrap();
-        let idle = OnlineOptions { short_horizon: 0, ..short.clone() };
-        assert!(idle.check_new(false).unwrap_err().to_string().contains("without --short-horizon"));
-        let random = OnlineOptions { control_steps: 5000, prefill: 5, ..found.clone() };
-        assert!(random.check_new(false).unwrap_err().to_string().contains("take 5000"));
-        let none = OnlineOptions { prefill: 0, control_steps: 1000, ..random.clone() };
-        assert!(
-            none.check_new(false).unwrap_err().to_string().contains("the 1 random episodes"),
-            "one is lived through anyway"
-        );
-        none.check_new(true).unwrap();
-        OnlineOptions { control_steps: 5001, ..random }.check_new(false).unwrap();
-        let horizons = [0, 399, 400].map(|updates| short.behaviour_at(updates).horizon);
-        assert_eq!(horizons, [5, 5, found.behaviour.horizon]);
-        let endless = OnlineOptions { rows_per_step: 1e300, ..found.clone() };
-        assert!(endless.check().unwrap_err().to_string().contains("must be at most"));
-        for (key, change) in changes {
-            let mut other = longer.clone();
-            change(&mut other);
-            assert_eq!(found.first_difference(&other).map(|(key, ..)| key).as_deref(), Some(key));
-        }
-        let published = OnlineOptions { protocol: Some(Protocol::DcsEasyDynamic500k), ..found.clone() };
-        let longer = OnlineOptions { control_steps: 600_000, ..published.clone() };
-        assert_eq!(published.first_difference(&longer).map(|(key, ..)| key).as_deref(), Some("control_steps"));
-    }
-
-    /// Whose first four videos are missing, four others would train under the protocol's name.
-    #[test]
-    fn a_protocol_takes_davis_with_the_first_of_both_lists() {
-        let folder = tempfile::tempdir().unwrap();
-        for video in davis::TRAIN[..5].iter().chain(&davis::VAL[..4]) {
-            std::fs::create_dir_all(folder.path().join(video)).unwrap();
-        }
-        let mut options = default_options(default_world("cartpole-swingup").unwrap(), false);
-        options.settle(Protocol::DcsEasyDynamic500k);
-        options.final_episodes = 100;
-        options.world.videos = VideoSource::Folder(folder.path().to_owned());
-        options.check().unwrap();
-        std::fs::remove_dir(folder.path().join("bear")).unwrap();
-        let refused = options.check().unwrap_err().to_string();
-        assert!(refused.contains("videos of DAVIS 2017"), "{refused}");
-    }
-
-    /// A run and its folder of videos can be moved together, and the path may be typed anew from anywhere.
-    #[test]
-    fn a_folder_of_videos_is_named_from_the_run() {
-        let folder = tempfile::tempdir().unwrap();
-        let [before, after] = ["before", "after"].map(|name| folder.path().join(name));
-        std::fs::create_dir_all(before.join("films")).unwrap();
-        std::fs::create_dir_all(before.join("runs/a")).unwrap();
-        let typed = |path: &Path| {
-            let world = default_world("cartpole-swingup").unwrap();
-            default_options(WorldOptions { videos: VideoSource::Folder(path.to_owned()), ..world }, false)
-        };
-        typed(&before.join("films")).keep(&before.join("runs/a")).unwrap();
-        let text = std::fs::read_to_string(before.join("runs/a/online.json")).unwrap();
-        assert!(text.contains("\"../../films\""), "{text}");
-        std::fs::rename(&before, &after).unwrap();
-        let found = OnlineOptions::read(&after.join("runs/a")).unwrap().unwrap();
-        assert_eq!(found.world.videos, VideoSource::Folder(after.join("films")));
-        typed(&after.join("runs/../films")).keep(&after.join("runs/a")).unwrap();
-        let error = typed(&after.join("others")).keep(&after.join("runs/a")).unwrap_err().to_string();
-        assert!(error.starts_with("this run has videos = "), "{error}");
-        let manifest = found.world.manifest(0, &[], &after.join("runs/a/replay")).unwrap();
-        assert_eq!(manifest.options["videos"]["folder"], "../../../films");
-    }
-
-    /// Ten episodes, five of them random, and 200 updates before the first of the others.
-    fn of_ten_episodes() -> OnlineOptions {
-        OnlineOptions {
-            control_steps: 10_000,
-            prefill: 5,
-            first_updates: 200,
-            rows_per_step: 64.0,
-            ..default_options(default_world("cartpole-swingup").unwrap(), false)
-        }
-    }
-
-    #[test]
-    fn random_episodes_pay_for_no_updates() {
-        let options = of_ten_episodes();
-        assert_eq!(options.whole_updates(128, false), 200 + (10_000 / 8 - 6 * 125) / 2);
-        assert_eq!(
-            OnlineOptions { prefill: 0, ..options.clone() }.whole_updates(128, true),
-            200 + (10_000 / 8 - 125) / 2
-        );
-        assert_eq!(OnlineOptions { first_updates: u64::MAX, ..options.clone() }.whole_updates(128, false), u64::MAX);
-        assert_eq!(OnlineOptions { control_steps: 100, ..options }.whole_updates(128, false), 200);
-    }
-
-    #[test]
-    fn an_actor_that_would_never_move_is_refused_where_that_was_asked_for() {
-        let options = of_ten_episodes();
-        assert_eq!(options.whole_updates(128, false), 450);
-        let held = |critic_first| OnlineOptions { critic_first, ..options.clone() }.check_actor_moves(128, false);
-        held(449).unwrap();
-        let error = held(450).unwrap_err().to_string();
-        assert!(error.contains("--critic-first is 450, and about 450 updates"), "{error}");
-        let brief = OnlineOptions { control_steps: 100, first_updates: 4, ..options };
-        brief.check_actor_moves(128, false).unwrap();
-        assert!(OnlineOptions { critic_first: 99, ..brief }.check_actor_moves(128, false).is_err());
-    }
-
-    #[test]
-    fn the_next_evaluation_is_at_the_next_multiple() {
-        let every = |evaluate_every| OnlineOptions {
-            evaluate_every,
-            ..default_options(default_world("cartpole-swingup").unwrap(), false)
-        };
-        assert_eq!([0, 9999, 10_000].map(|at| every(10_000).next_evaluation(at)), [10_000, 10_000, 20_000]);
-        assert_eq!(every(0).next_evaluation(5), u64::MAX);
-    }
-
-    fn settled(task: &str) -> OnlineOptions {
-        let mut options = default_options(default_world(task).unwrap(), false);
-        options.settle(Protocol::DcsEasyDynamic500k);
-        options
-    }
-
-    #[test]
-    fn the_protocol_fixes_its_settings_and_refuses_others() {
-        let options = settled("cartpole-swingup");
-        assert_eq!((options.world.action_repeat, options.control_steps, options.final_episodes), (8, 500_000, 100));
-        assert!(options.check().is_ok());
-        let changes: [Change; 8] = [
-            |options| options.world.video_count = Some(8),
-            |options| options.world.steps = 10,
-            |options| options.evaluate_mode = false,
-            |options| options.world.action_repeat = 4,
-            |options| options.control_steps = 100_000,
-            |options| options.final_episodes = 10,
-            |options| options.world.distractors.dynamic = false,
-            |options| options.world.size = None,
-        ];
-        for change in changes {
-            let mut other = options.clone();
-            change(&mut other);
-            let error = other.check().unwrap_err().to_string();
-            assert!(error.contains("dcs-easy-dynamic-500k has"), "{error}");
-        }
-        let error = settled("swimmer-10").check().unwrap_err().to_string();
-        assert!(error.contains("walker-walk"), "{error}");
-    }
-
-    /// A run's returns on held-out videos are of the same videos to its end.
-    #[test]
-    fn a_folder_that_holds_out_other_videos_is_told() {
-        let folder = tempfile::tempdir().unwrap();
-        let films = folder.path().join("films");
-        for film in ["a", "b", "c", "d"] {
-            std::fs::create_dir_all(films.join(film)).unwrap();
-            std::fs::write(films.join(film).join("0.png"), []).unwrap();
-        }
-        let run = folder.path().join("runs/one");
-        std::fs::create_dir_all(&run).unwrap();
-        let world = default_world("cartpole-swingup").unwrap();
-        let world = WorldOptions { videos: VideoSource::Folder(films.clone()), video_count: Some(1), ..world };
-        let options = default_options(world, false);
-        options.keep(&run).unwrap();
-        assert_eq!(OnlineOptions::read(&run).unwrap().unwrap().held_out_videos, Some(vec!["c".to_owned()]));
-        options.keep(&run).unwrap();
-        std::fs::rename(films.join("c"), films.join("e")).unwrap();
-        let error = options.check_found(&run).unwrap_err().to_string();
-        assert!(error.contains("held-out videos") && error.contains("= c") && error.contains("d"), "{error}");
-    }
-}
+mod tests;

@@ -9,6 +9,7 @@ use vibes_env::videos::VideoSource;
 use vibes_env::{Environment, EnvironmentOptions};
 use vibes_model::{ModelConfig, ObservationKind};
 
+use super::beginning;
 use super::checkpoint::check_whole;
 use super::options::{OnlineOptions, WorldOptions};
 use crate::error::{Result, TrainError};
@@ -30,6 +31,13 @@ pub struct Prepared {
     pub options: OnlineOptions,
     /// The recordings whose windows are mixed in.
     pub given: Vec<Recording>,
+}
+
+impl Prepared {
+    /// What is to be known of the run's beginning before it is trained, a sentence each.
+    pub fn notes(&self) -> Vec<String> {
+        beginning::notes(&self.run, &self.options)
+    }
 }
 
 /// The world of a task as the suite has it, with easy dynamic distractors.
@@ -81,6 +89,9 @@ pub fn default_options(world: WorldOptions, is_given: bool) -> OnlineOptions {
         final_episodes: 20,
         evaluate_mode: true,
         held_out_videos: None,
+        given_control_steps: None,
+        given_from: None,
+        held_out_seen: Vec::new(),
     }
 }
 
@@ -112,7 +123,8 @@ pub fn from_nothing(path: &Path, model: &Options, options: OnlineOptions) -> Res
 /// `path`.
 ///
 /// # Errors
-/// `from` has no checkpoint or its recordings are gone, or the folder holds another run, or cannot be written.
+/// `from` has no checkpoint or its recordings are gone, or the folder holds another run, or cannot be written, or a protocol cannot be followed from there: it is not known what it has
+/// learned from, or that has seen videos which the protocol holds out.
 pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions) -> Result<Prepared> {
     options.check()?;
     check_rows(&options, model)?;
@@ -135,6 +147,7 @@ pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions
     // The unit of reward stays as the run has it.
     let wanted = ModelConfig { reward_scale: found.reward_scale, reward_floor: found.reward_floor, ..made };
     same_model(from.path(), &wanted)?;
+    let options = beginning::settled(path, from, kind, options)?;
     let (episodes, steps) = held(&given);
     let info = RunInfo {
         format: RUN_FORMAT.to_owned(),
@@ -152,13 +165,14 @@ pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions
 /// Goes on with the online run at `path` under its own options but for `options`, which may differ in how long to go on.
 ///
 /// # Errors
-/// The run's recordings are gone, or something else differs.
+/// The run's recordings are gone, or something else differs, or the run is under a protocol and has seen videos which that holds out.
 pub fn again(path: &Path, model: &Options, options: OnlineOptions) -> Result<Prepared> {
     options.check()?;
     check_rows(&options, model)?;
     check_whole(path)?;
     let found = Run::open(path)?;
     let given = found.open_recordings()?;
+    let options = beginning::settled(path, &found, found.info().model.observation, options)?;
     let (episodes, steps) = held(&given);
     let info = RunInfo { options: model.clone(), episodes, steps, ..found.info().clone() };
     Ok(Prepared { run: begun(path, info, &options)?, options, given })

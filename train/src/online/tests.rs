@@ -13,6 +13,7 @@ use vibes_model::trained::TrainedAgent;
 use super::actor::{EpisodeKind, Lived, Task, episode_seed};
 use super::model_free::folder::{FORMAT, Folder, ModelFreeOptions};
 use super::model_free::model_free_living;
+use super::options::GivenFrom;
 use super::prepare::Prepared;
 use super::*;
 use crate::error::TrainError;
@@ -289,7 +290,12 @@ fn what_is_left_of_a_runs_recordings_is_counted_and_known() {
     std::fs::remove_dir_all(&copy).unwrap();
     let options = OnlineOptions { given_share: 0.0, ..options() };
     let prepared = prepare::from_run(&folder.path().join("on"), &run, &model, options).unwrap();
-    assert_eq!(given_control_steps(&prepared.run, &[]), Some(320));
+    // What is gone is counted by run.json, which has the episodes of both.
+    let given = (prepared.options.given_control_steps, prepared.options.given_from);
+    assert_eq!(given, (Some(640), Some(GivenFrom::RunFile)));
+    // A run that was begun before that was kept is told what is left.
+    let older = OnlineOptions { given_control_steps: None, given_from: None, ..prepared.options.clone() };
+    assert_eq!(beginning::given_control_steps(&prepared.run, &older, &[]), Some(320));
     let seen = prepared.run.seen();
     assert_eq!((seen.recordings.len(), seen.is_whole), (1, false));
     assert_eq!(crate::evaluate::is_new_to(&replay, &seen), Some(false), "through the run that it goes on from");
@@ -406,21 +412,78 @@ fn the_last_evaluation_is_what_the_saved_agent_does_in_the_one_loop() {
     assert_eq!(line["held_out"]["returns"][0].as_f64(), Some(episode.episode_return()), "{line}");
 }
 
-/// A protocol is named in every line, which the pages about a run must be able to read; it is put in here after the check that would refuse such a short run.
+/// The options of a run with the protocol put in after the check that would refuse such a short one; its folder says them.
+fn put_under_a_protocol(run: &Path, options: OnlineOptions) -> OnlineOptions {
+    let options = OnlineOptions { protocol: Some(protocol::Protocol::DcsEasyDynamic500k), ..options };
+    std::fs::write(run.join("online.json"), serde_json::to_string(&options).unwrap()).unwrap();
+    options
+}
+
+/// A protocol is named in every line and on every page about a run, which must be able to read them.
 #[test]
 fn a_run_under_a_protocol_is_saved_and_told() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     let prepared = prepare::from_nothing(&path, &tiny(), options()).unwrap();
-    let options = OnlineOptions { protocol: Some(protocol::Protocol::DcsEasyDynamic500k), ..prepared.options };
+    let options = OnlineOptions { evaluate_every: 100, ..prepared.options };
+    let options = put_under_a_protocol(&path, options);
     let setup = Setup { run: &prepared.run, options: &options, given: &prepared.given, device: &Device::flex() };
     assert_eq!(online(&setup, &mut |_| Go::On).unwrap(), End::Updates);
     let rows = crate::metrics::read_rows(&path.join("metrics.jsonl")).unwrap();
     assert!(rows.len() > 2 && rows.iter().all(|row| row.objective.is_finite()), "{rows:?}");
-    let text = std::fs::read_to_string(path.join("metrics.jsonl")).unwrap();
-    assert!(text.lines().all(|line| line.contains("\"protocol\":\"dcs-easy-dynamic-500k\"")), "{text}");
+    for file in ["metrics.jsonl", "evaluations.jsonl"] {
+        let text = std::fs::read_to_string(path.join(file)).unwrap();
+        assert!(text.lines().count() > 2, "{file}: {text}");
+        let is_named = |line: &str| line.contains("\"protocol\":\"dcs-easy-dynamic-500k\"");
+        assert!(text.lines().all(is_named), "{file}: {text}");
+    }
     let page = std::fs::read_to_string(path.join("summary.md")).unwrap();
     assert!(page.contains("320 control steps") && page.contains("| 1, of other starts |"), "{page}");
+    assert!(page.contains("* protocol dcs-easy-dynamic-500k"), "{page}");
+    let replay = Recording::open(&path.join("replay")).unwrap();
+    assert_eq!(replay.manifest().options["protocol"], "dcs-easy-dynamic-500k");
+}
+
+/// A replay that was begun before it named the protocol is the same recording, and goes on as it is.
+#[test]
+fn an_older_replay_goes_on_without_the_name_of_its_protocol() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let prepared = prepare::from_nothing(&path, &tiny(), options()).unwrap();
+    let options = put_under_a_protocol(&path, prepared.options);
+    let setup = Setup { run: &prepared.run, options: &options, given: &prepared.given, device: &Device::flex() };
+    let stop = &mut |event: Event<'_>| if matches!(event, Event::Lived { .. }) { Go::Stop } else { Go::On };
+    assert_eq!(online(&setup, stop).unwrap(), End::Stopped);
+    let replay = path.join("replay");
+    let mut manifest = Recording::open(&replay).unwrap().manifest().clone();
+    assert_eq!(manifest.options.as_object_mut().unwrap().remove("protocol").unwrap(), "dcs-easy-dynamic-500k");
+    manifest.write(&replay.join("manifest.json")).unwrap();
+    assert_eq!(online(&setup, &mut |_| Go::On).unwrap(), End::Updates);
+    let whole = Recording::open(&replay).unwrap();
+    assert_eq!((whole.episodes().len(), whole.manifest().options.get("protocol")), (8, None));
+}
+
+/// Returns under videos that a run has learned under are not those of new ones, and every line says so.
+#[test]
+fn an_evaluation_under_videos_that_were_seen_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let prepared = prepare::from_nothing(&path, &tiny(), options()).unwrap();
+    let options = OnlineOptions {
+        held_out_seen: vec!["tiles-000".to_owned()],
+        given_control_steps: Some(320),
+        given_from: Some(GivenFrom::RunFile),
+        ..prepared.options
+    };
+    std::fs::write(path.join("online.json"), serde_json::to_string(&options).unwrap()).unwrap();
+    let setup = Setup { run: &prepared.run, options: &options, given: &prepared.given, device: &Device::flex() };
+    assert_eq!(online(&setup, &mut |_| Go::On).unwrap(), End::Updates);
+    let text = std::fs::read_to_string(path.join("evaluations.jsonl")).unwrap();
+    let said = "\"given_control_steps\":320,\"given_from\":\"run.json\",\"is_held_out\":false";
+    assert!(text.lines().all(|line| line.contains(said)), "{text}");
+    let page = std::fs::read_to_string(path.join("summary.md")).unwrap();
+    assert!(page.contains("* began with recordings of 320 control steps (of those that are gone"), "{page}");
+    assert!(page.contains("no recordings in its batches") && page.contains("nothing of new videos"), "{page}");
 }
 
 /// An agent that looks at numbers sees no video, also where the world is drawn.

@@ -168,7 +168,7 @@ impl Training<'_> {
 
     /// Whether as many updates have been made since the last checkpoint as lie between two, or what began then would end too late if it were done once more.
     fn is_save_due_after_another(&self, begun: Instant) -> bool {
-        self.session.is_save_due() || self.saved.elapsed() + begun.elapsed() > BETWEEN_SAVES
+        self.session.is_save_due() || is_too_late_after_another(self.saved.elapsed(), begun.elapsed())
     }
 
     fn line(&mut self, round: &Round, training_return: Option<f64>, pace: Option<Pace>) -> Line {
@@ -278,5 +278,31 @@ impl Training<'_> {
         }
         listen(Event::Saved { update: self.session.state.update });
         Ok(())
+    }
+}
+
+/// Whether what took so long, done once more, would end too long after the last checkpoint.
+fn is_too_late_after_another(since: Duration, took: Duration) -> bool {
+    since + took > BETWEEN_SAVES
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A kill costs what was done since the last checkpoint.
+    #[test]
+    fn a_kill_costs_two_minutes_at_most_or_one_round_that_takes_longer() {
+        for seconds in [0.1, 7.0, 49.0, 51.0, 99.0, 101.0, 300.0] {
+            let took = Duration::from_secs_f64(seconds);
+            let mut since = Duration::ZERO;
+            for _ in 0..3000 {
+                since += took;
+                assert!(since <= Duration::from_secs(120).max(took), "{since:?} in rounds of {took:?}");
+                if is_too_late_after_another(since, took) {
+                    since = Duration::ZERO;
+                }
+            }
+        }
     }
 }

@@ -9,7 +9,7 @@ use vibes_env::render::RenderSettings;
 use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
 use vibes_env::{Environment, EnvironmentOptions, Eyes, Heading};
 
-use super::options::WorldOptions;
+use super::options::{OnlineOptions, WorldOptions};
 use crate::error::Result;
 
 impl WorldOptions {
@@ -59,6 +59,12 @@ impl WorldOptions {
     pub fn held_out_videos(&self) -> Option<Vec<String>> {
         let is_of_a_folder = self.has_videos() && matches!(self.videos, VideoSource::Folder(_));
         is_of_a_folder.then(|| self.videos.list(VideoSet::Val, self.videos_of_a_set()).ok()).flatten()
+    }
+
+    /// The names of the held-out videos, of whatever source; none where nobody sees any, or they are not there.
+    pub fn names_held_out(&self) -> Vec<String> {
+        let names = self.has_videos().then(|| self.videos.list(VideoSet::Val, self.videos_of_a_set()).ok());
+        names.flatten().unwrap_or_default()
     }
 
     /// That a folder of videos is there and holds both sets, before anything is begun.
@@ -117,5 +123,21 @@ impl WorldOptions {
             options.extend(more.as_object().cloned().unwrap_or_default());
         }
         Ok(Heading { spec: self.spec()?, options, seed, grid: None, videos: videos.to_vec() }.manifest())
+    }
+}
+
+impl OnlineOptions {
+    /// The header of the replay in `folder`, which names the protocol; but for a replay that was begun before it did, and goes on as it is.
+    ///
+    /// # Errors
+    /// There is no such task.
+    pub fn replay_manifest(&self, seed: u64, videos: &[Video], folder: &Path) -> Result<Manifest> {
+        let mut manifest = self.world.manifest(seed, videos, folder)?;
+        let found = Manifest::read(&folder.join("manifest.json")).ok();
+        let is_older = found.is_some_and(|found| found.options.get("protocol").is_none());
+        if let (Some(protocol), false, Some(options)) = (self.protocol, is_older, manifest.options.as_object_mut()) {
+            options.insert("protocol".to_owned(), protocol.to_string().into());
+        }
+        Ok(manifest)
     }
 }

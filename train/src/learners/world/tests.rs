@@ -4,7 +4,13 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use toml::Table;
 use vibes_model::ObservationKind;
+use vibes_model::actions::ActionDistribution;
+use vibes_model::agent::Agent;
+use vibes_model::behaviour::Behaviour;
+use vibes_model::config::BehaviourConfig;
+use vibes_model::encode::RawFrames;
 use vibes_model::parameters::read_parameters;
+use vibes_model::values::ValueDistribution;
 
 use super::*;
 use crate::bench::{Sizes, made_up_spec, made_up_windows};
@@ -114,4 +120,47 @@ fn warm_up_rows_carry_no_reward() {
         made.unwrap().1.objective
     };
     assert_eq!(objective(&batch), objective(&other));
+}
+
+/// Windows of whole episodes: each begins one, and has before every other row the action of the row before.
+fn whole_episodes(options: &Options, rng: &mut ChaCha8Rng) -> WindowBatch {
+    let mut windows = made_up_windows(options, SIZES, rng);
+    let (batch, row) = (windows.batch, windows.batch * SIZES.actions);
+    let rest = windows.actions.len() - row;
+    windows.is_first.iter_mut().enumerate().for_each(|(place, is_first)| *is_first = place < batch);
+    windows.previous_actions[..row].fill(0.0);
+    windows.previous_actions[row..].copy_from_slice(&windows.actions[..rest]);
+    windows
+}
+
+/// Of latents without noise an update hands on to actor and critic, row by row, what an agent sees that meets the episode step by step.
+#[test]
+fn an_update_hands_on_what_an_agent_sees_step_by_step() {
+    let (mut learner, _, options) = learner("no-adversary", "");
+    learner.model.config.latent_std = 1e-7;
+    let (device, mut rng) = (Device::flex(), ChaCha8Rng::seed_from_u64(7));
+    let windows = whole_episodes(&options, &mut rng);
+    let batch = Batch::new(&windows, &learner.model.config, 0, &device.clone().autodiff()).unwrap();
+    let config =
+        BehaviourConfig { actions: ActionDistribution::BoundedNormal, values: ValueDistribution::TwoHot, hidden: 8 };
+    let actor = Behaviour::init(&learner.model.config, config, &mut rng, &device).actor;
+    let mut agent = Agent::new(&learner.model, &actor, &device);
+    let (_, mut measures) = learner.update(&batch, options.schedule(0, Some(0)), options.parts(), &mut rng).unwrap();
+    let replayed = measures.take_replayed(&batch, &windows);
+    let handed_on = to_values(Tensor::cat(vec![replayed.states, replayed.latents], 2));
+    let (bytes, actions) = (16 * 16 * 3, SIZES.actions);
+    for window in 0..windows.batch {
+        agent.begin();
+        for row in 0..windows.length {
+            let place = row * windows.batch + window;
+            let before =
+                if row == 0 { &[][..] } else { &windows.actions[(place - windows.batch) * actions..][..actions] };
+            agent.observe(RawFrames::Pixels(&windows.pixels[place * bytes..][..bytes]), before).unwrap();
+            let seen = agent.features();
+            assert_eq!(seen.len() * windows.length * windows.batch, handed_on.len());
+            let handed_on = &handed_on[place * seen.len()..][..seen.len()];
+            let is_close = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-5;
+            assert!(seen.iter().zip(handed_on).all(is_close), "row {row} of window {window}: {seen:?} {handed_on:?}");
+        }
+    }
 }

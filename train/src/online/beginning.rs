@@ -1,0 +1,185 @@
+//! What an online run begins with: how many control steps others lived through for it, and whether the held-out videos are new to it. In: the run that it goes on from, as far as that, the
+//! runs before it and their recordings are there. Out: what `online.json` says of it from then on, or why a protocol cannot be followed from there.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use serde_json::Value;
+use vibes_data::{EpisodeEntry, Recording, Video};
+use vibes_env::videos::VideoSource;
+use vibes_model::ObservationKind;
+
+use super::options::{GivenFrom, OnlineOptions, WorldOptions};
+use crate::error::{Result, TrainError};
+use crate::prepare::held;
+use crate::run::Run;
+use crate::summary::given_in_words;
+
+/// The options of a run at `path`, with what is to be said of its beginning; `from` is the run that it goes on from, or the run itself where it has begun.
+///
+/// # Errors
+/// They are under a protocol, and it is not known what the run begins with, or that has seen videos which the protocol holds out.
+pub(super) fn settled(path: &Path, from: &Run, kind: ObservationKind, options: OnlineOptions) -> Result<OnlineOptions> {
+    let found = OnlineOptions::read(path)?;
+    let (given_control_steps, given_from) = match &found {
+        // Recordings are taken away on the way; a run that was begun before this was kept has neither.
+        Some(found) => (found.given_control_steps, found.given_from),
+        None => given(from, options.world.action_repeat),
+    };
+    let mut seen: BTreeSet<String> = found.into_iter().flat_map(|found| found.held_out_seen).collect();
+    if matches!(kind, ObservationKind::Pixels { .. }) {
+        seen.extend(held_out_seen(&options.world, &from.seen().recordings));
+    }
+    let held_out_seen = seen.into_iter().collect();
+    let options = OnlineOptions { given_control_steps, given_from, held_out_seen, ..options };
+    check(&options, from)?;
+    Ok(options)
+}
+
+/// That what a run begins with allows the protocol that it is to follow.
+fn check(options: &OnlineOptions, from: &Run) -> Result<()> {
+    let Some(protocol) = options.protocol else { return Ok(()) };
+    let refuse = |fact: &str, right: &str| {
+        let place = from.path().display();
+        Err(TrainError::Options(format!("{fact}; {right}, or leave out --protocol: {place}")))
+    };
+    if options.given_from == Some(GivenFrom::Unknown) {
+        let fact = format!(
+            "{protocol} has every evaluation say how many control steps a run began with, and that is not known here: a run that this one went on from is gone, or the replay of one"
+        );
+        return refuse(&fact, "put it back where it was");
+    }
+    if !options.held_out_seen.is_empty() {
+        let seen = options.held_out_seen.join(", ");
+        let fact = format!("{protocol} holds out videos that are in the recordings this run begins with ({seen})");
+        return refuse(&fact, "begin with recordings under training videos");
+    }
+    Ok(())
+}
+
+/// Control steps that a run begins with which goes on from this one, and what they are known from: all that this one and the runs before it have learned from. None where there are
+/// none, or they are not known.
+fn given(from: &Run, action_repeat: u32) -> (Option<u64>, Option<GivenFrom>) {
+    let (before, is_known) = from.before();
+    let runs: Vec<&Run> = std::iter::once(from).chain(&before).collect();
+    // What an online run lived through is nowhere but in its replay, which a kept copy lacks.
+    let is_lost =
+        |run: &&Run| run.path().join("online.json").exists() && Recording::open(&run.path().join("replay")).is_err();
+    if !is_known || runs.iter().any(is_lost) {
+        return (None, Some(GivenFrom::Unknown));
+    }
+    let gone = gone(&runs, action_repeat);
+    let steps = control_steps_of(&from.seen().recordings).saturating_add(gone.unwrap_or(0));
+    let known_from = if gone.is_some() { GivenFrom::RunFile } else { GivenFrom::Recordings };
+    (Some(steps).filter(|steps| *steps > 0), Some(known_from))
+}
+
+/// Control steps of the recordings that are gone, as `run.json` has them of the runs that learned from them; none where all are there. Runs that name the same recordings learned from the
+/// same episodes.
+fn gone(runs: &[&Run], action_repeat: u32) -> Option<u64> {
+    let mut by_names: BTreeMap<Vec<String>, u64> = BTreeMap::new();
+    for run in runs {
+        let (info, left) = (run.info(), run.recordings_left());
+        if left.len() == info.recordings.len() {
+            continue;
+        }
+        // All recordings of a run hold an action for as long; where none is left, as long as the world that is gone on in.
+        let repeat = left.first().map_or(action_repeat, |recording| recording.manifest().spec.action_repeat);
+        let steps = info.steps.saturating_sub(held(&left).1).saturating_mul(u64::from(repeat));
+        let most = by_names.entry(info.recording_names()).or_default();
+        *most = steps.max(*most);
+    }
+    (!by_names.is_empty()).then(|| by_names.values().fold(0, |sum: u64, steps| sum.saturating_add(*steps)))
+}
+
+/// Control steps of some recordings; a state trajectory that was recorded under several distractors, or drawn again, counts once.
+fn control_steps_of(recordings: &[Recording]) -> u64 {
+    let mut trajectories = BTreeSet::new();
+    for recording in recordings {
+        let repeat = recording.manifest().spec.action_repeat;
+        // What another program recorded has no seeds of its own to tell its trajectories apart by.
+        let is_imported = recording.manifest().is_imported();
+        let own = |entry: &EpisodeEntry| is_imported.then(|| entry.arrow.sha256.clone());
+        trajectories.extend(recording.episodes().iter().map(|entry| {
+            (own(entry), entry.seed, entry.policy.clone(), entry.episode_return.to_bits(), entry.steps, repeat)
+        }));
+    }
+    trajectories.iter().map(|(.., steps, repeat)| u64::from(*steps) * u64::from(*repeat)).sum()
+}
+
+/// The control steps that a run began with: as they were counted then, or, of a run that was begun before that was kept, of those recordings of the runs before it that are left.
+pub(super) fn given_control_steps(run: &Run, options: &OnlineOptions, given: &[Recording]) -> Option<u64> {
+    if options.given_from.is_some() {
+        return options.given_control_steps;
+    }
+    let mut recordings = given.to_vec();
+    recordings.extend(run.before().0.iter().flat_map(Run::recordings_left));
+    Some(control_steps_of(&recordings)).filter(|steps| *steps > 0)
+}
+
+/// The held-out videos of a world that are among those of some recordings.
+fn held_out_seen(world: &WorldOptions, recordings: &[Recording]) -> BTreeSet<String> {
+    let held_out: BTreeSet<String> = world.names_held_out().into_iter().collect();
+    let films = recordings.iter().flat_map(films);
+    let seen = films.filter(|(source, film)| held_out.contains(&film.name) && world.videos.has_film(film, source));
+    seen.map(|(_, film)| film.name).collect()
+}
+
+/// The videos of a recording and where they come from, which every part of a merged one says of its own.
+fn films(recording: &Recording) -> Vec<(VideoSource, Video)> {
+    let manifest = recording.manifest();
+    let sourced = |options: &Value, videos: Vec<Video>| -> Vec<(VideoSource, Video)> {
+        let source: Option<VideoSource> = serde_json::from_value(options["videos"].clone()).ok();
+        let Some(source) = source.map(|source| source.found(recording.path())) else { return Vec::new() };
+        videos.into_iter().map(|video| (source.clone(), video)).collect()
+    };
+    let Some(parts) = manifest.options["merged"].as_array() else {
+        return sourced(&manifest.options, manifest.videos.clone());
+    };
+    let of_part = |part: &Value| {
+        let places = part["videos"].as_array().into_iter().flatten().filter_map(Value::as_u64);
+        let videos = places.filter_map(|place| manifest.videos.get(usize::try_from(place).ok()?).cloned());
+        sourced(&part["options"], videos.collect())
+    };
+    parts.iter().flat_map(of_part).collect()
+}
+
+/// What is to be known of a run's beginning, a sentence each.
+pub(super) fn notes(run: &Run, options: &OnlineOptions) -> Vec<String> {
+    let given =
+        options.given_in_words().map(|given| format!("it begins with {given}, which --control-steps does not count"));
+    let is_unknown = options.given_from == Some(GivenFrom::Unknown);
+    let unknown = is_unknown.then(|| {
+        let text = "how many control steps it begins with is not known: a run that it went on from is gone, or the replay of one";
+        text.to_owned()
+    });
+    let is_seen = !options.held_out_seen.is_empty();
+    let seen = is_seen.then(|| {
+        let videos = options.held_out_seen.join(", ");
+        format!("the recordings it begins with are under videos that it is evaluated under ({videos}): no evaluation is held out, and each says so (is_held_out)")
+    });
+    let has_eyes = matches!(run.info().model.observation, ObservationKind::Pixels { .. });
+    let is_unsure = !is_seen && has_eyes && options.world.has_videos() && !is_all_there(run);
+    let unsure = is_unsure.then(|| {
+        let text = "some of what it begins with is gone, so that it is not known whether that was under videos that it is evaluated under";
+        text.to_owned()
+    });
+    [given, unknown, seen, unsure].into_iter().flatten().collect()
+}
+
+/// Whether everything is there that the runs before one have learned from.
+fn is_all_there(run: &Run) -> bool {
+    let (before, is_known) = run.before();
+    is_known && before.iter().all(|run| run.seen().is_whole)
+}
+
+impl OnlineOptions {
+    /// The control steps that the run began with, in words; none where there are none, or they are not known.
+    pub fn given_in_words(&self) -> Option<String> {
+        let is_from_run_file = self.given_from == Some(GivenFrom::RunFile);
+        self.given_control_steps.map(|steps| given_in_words(steps, is_from_run_file))
+    }
+}
+
+#[cfg(test)]
+mod tests;
