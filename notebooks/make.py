@@ -24,11 +24,11 @@ NOTEBOOKS = {
         FIND + "\nimport polars as pl, numpy as np\nsteps = pl.scan_ipc(str(recording / 'episodes' / '*.arrow'))\nrows = steps.select('episode', 'step', 'state', 'distractor', 'reward', 'observation').collect()\nlatents = rows.rename({'observation': 'latent'})\nlatents.head(3)",
         "How much do its dimensions vary?",
         "z = latents['latent'].to_numpy().astype(np.float64)\nz.shape, z.std(axis=0).round(3)",
-        "The five nearest rows of other episodes in standardized L2, as `vibes-analyze nn` finds them.",
+        "The five nearest rows of other episodes in standardized L2, as `vibes-analyze nn --exclude trajectory` finds them. (Unless told otherwise it leaves out the whole state trajectory on a grid of a task with a symmetry, such as reacher's.)",
         "scaled = z / np.where(z.std(axis=0) > 0, z.std(axis=0), 1)\nquery = 7\ndistance = np.linalg.norm(scaled - scaled[query], axis=1)\ndistance[latents['episode'] == latents['episode'][query]] = np.inf\nnear = np.argsort(distance, kind='stable')[:5]\nlatents[near].select('episode', 'step').with_columns(distance=pl.Series(distance[near]))",
     ],
     "03-reproduce-figure-4": [
-        "# Reproduce Figure 4\nThree commands and their pictures. The latents here are the task's observation; put those of your run in their place.",
+        "# Reproduce Figure 4\nTwo commands and their pictures. The latents here are the task's observation; put those of your run in their place.",
         FIND + "\nimport subprocess, tempfile, shutil\nimport polars as pl\nwork = Path(tempfile.mkdtemp())\nsteps = pl.scan_ipc(str(recording / 'episodes' / '*.arrow'))\nrows = steps.select('episode', 'step', 'state', 'distractor', 'reward', latent='observation').collect()\nrows.write_ipc(work / 'latents.arrow', compression='uncompressed')",
         "def analyze(*words):\n    done = subprocess.run(['vibes-analyze', *words, '--latents', work / 'latents.arrow', '-o', work], capture_output=True, text=True)\n    assert done.returncode == 0, done.stderr\n    return done.stdout.splitlines()[0]\nanalyze('nn', '--queries', '6', '--recording', recording)",
         "Figure 4b: each column a query on top and its nearest neighbours beneath.",
@@ -39,9 +39,9 @@ NOTEBOOKS = {
     "04-bring-your-own-latents": [
         "# Bring your own latents\nAny model will do: one vector a row, with the row's `episode` and `step`. Here a random projection of the pictures stands for the model.",
         FIND + "\nimport subprocess, tempfile\nimport numpy as np, polars as pl\nrows = pl.scan_ipc(str(recording / 'episodes' / '*.arrow')).select('episode', 'step', 'state', 'distractor', 'reward', 'pixels').collect()\nframes = np.stack([np.frombuffer(p, np.uint8) for p in rows['pixels']]).astype(np.float32) / 255\nmodel = np.random.default_rng(0).normal(size=(frames.shape[1], 16)).astype(np.float32) / frames.shape[1] ** 0.5\nlatents = frames @ model\nlatents.shape",
-        "As Arrow, or as NumPy: both are read.",
-        "work = Path(tempfile.mkdtemp())\nrows.drop('pixels').with_columns(latent=pl.Series(latents.tolist())).write_ipc(work / 'latents.arrow', compression='uncompressed')\nnp.savez(work / 'latents.npz', episode=rows['episode'].to_numpy(), step=rows['step'].to_numpy(), latent=latents)",
-        "import json\nfor name in ['latents.arrow', 'latents.npz']:\n    done = subprocess.run(['vibes-analyze', 'nn', '--queries', '4', '--json', '--quiet', '--latents', work / name, '--recording', recording, '-o', work / name[8:]], capture_output=True, text=True)\n    assert done.returncode == 0, done.stderr\n    print(name, json.loads(done.stdout)['state_error'])",
+        "As Arrow, or as NumPy: both are read, and say the same. The cell of the grid, `state` and `distractor`, goes with them: without it neighbours would be looked for among other rows.",
+        "work = Path(tempfile.mkdtemp())\nrows.drop('pixels').with_columns(latent=pl.Series(latents.tolist())).write_ipc(work / 'latents.arrow', compression='uncompressed')\nnp.savez(work / 'latents.npz', latent=latents, **{name: rows[name].to_numpy() for name in ['episode', 'step', 'state', 'distractor']})",
+        "import json\nfound = {}\nfor name in ['latents.arrow', 'latents.npz']:\n    done = subprocess.run(['vibes-analyze', 'nn', '--queries', '4', '--json', '--quiet', '--latents', work / name, '--recording', recording, '-o', work / name[8:]], capture_output=True, text=True)\n    assert done.returncode == 0, done.stderr\n    found[name] = json.loads(done.stdout)['state_error']\nassert found['latents.arrow'] == found['latents.npz'], found\nfound['latents.arrow']",
     ],
     "05-train-an-encoder-in-pytorch": [
         "# Train an encoder in PyTorch\nThe environments from Python, a small encoder of your own, and the toolkit's measures of what its latents hold. Needs the package `vibes` and PyTorch (`pip install ./python torch`, in an environment as docs/python.md says); about a minute on two idle cores.",

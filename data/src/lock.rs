@@ -62,6 +62,8 @@ impl std::fmt::Display for Owner {
 #[derive(Debug)]
 pub struct FolderLock {
     path: PathBuf,
+    /// Who made it. The child of a fork has a copy of this value, and is not the owner.
+    process: u32,
     // Closing the file releases the lock.
     file: File,
 }
@@ -115,7 +117,7 @@ impl FolderLock {
                 let text = serde_json::to_string(&Owner::this()).unwrap_or_default() + "\n";
                 let written = file.set_len(0).and_then(|()| file.write_all(text.as_bytes()));
                 written.map_err(Error::io("write", &path))?;
-                return Ok(Self { path, file });
+                return Ok(Self { path, process: std::process::id(), file });
             }
         }
     }
@@ -124,8 +126,9 @@ impl FolderLock {
 impl Drop for FolderLock {
     fn drop(&mut self) {
         // While the lock is still held, and not another owner's file in a folder that took this one's place. A file that stays is harmless: the
-        // next owner locks it again.
-        if is_in_place(&self.file, &self.path) {
+        // next owner locks it again. The child of a fork drops its copy while its parent still writes, and without the file a third process would make
+        // another and lock that.
+        if self.process == std::process::id() && is_in_place(&self.file, &self.path) {
             let _ = std::fs::remove_file(&self.path);
         }
     }
@@ -183,6 +186,19 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join(LOCK), r#"{"program":"vibes-collect","process":1,"since":0}"#).unwrap();
         FolderLock::acquire(folder.path()).unwrap();
+    }
+
+    #[test]
+    fn the_child_of_a_fork_leaves_its_parents_lock_in_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let parents = FolderLock::acquire(folder.path()).unwrap();
+        // What the child has: the same open file, and a process number that is not its own.
+        let file = parents.file.try_clone().unwrap();
+        drop(FolderLock { path: parents.path.clone(), process: parents.process + 1, file });
+        assert!(folder.path().join(LOCK).exists());
+        assert!(matches!(FolderLock::acquire(folder.path()), Err(Error::Owned { .. })));
+        drop(parents);
+        assert!(!folder.path().join(LOCK).exists());
     }
 
     #[test]

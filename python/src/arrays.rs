@@ -1,11 +1,13 @@
-//! Numbers on their way to numpy: whole columns of a mapped file as they lie there, and vectors handed over without a copy.
+//! Numbers on their way to numpy: whole columns of a mapped file as they lie there, and vectors handed over without a copy. And on their way from there:
+//! copied, because Python may write to its arrays while the interpreter's lock is given away.
 //!
 //! A [`Column`] shows itself by numpy's `__array_interface__`, read-only, and holds the file's pages as long as an array looks at them.
 
 use arrow::array::{ArrayRef, AsArray};
 use arrow::buffer::Buffer;
 use arrow::datatypes::{Float32Type, Float64Type};
-use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods};
+use numpy::ndarray::Dimension;
+use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -54,6 +56,17 @@ pub(crate) fn shared<'py>(
     }
     let column = Bound::new(py, Column { buffer, shape, typestr })?;
     py.import("numpy")?.call_method1("asarray", (column,)).map(Some)
+}
+
+/// The numbers of an array, row after row whatever its strides, as a copy of ours. The interpreter's lock is held meanwhile, so that callers in Python lay
+/// their numbers out in this order first, which makes it one move of memory.
+pub(crate) fn owned<T: Element + Copy, D: Dimension>(array: &PyReadonlyArray<'_, T, D>) -> Vec<T> {
+    let view = array.as_array();
+    // A slice only of rows one after the other: numpy counts columns one after the other as contiguous, too.
+    match view.as_slice() {
+        Some(numbers) => numbers.to_vec(),
+        None => view.iter().copied().collect(),
+    }
 }
 
 /// A vector as an array of this shape.

@@ -1,12 +1,16 @@
 //! Every failure becomes a Python exception: [`Error`] with the message the programs print, never an abort.
 //!
-//! In: errors of the toolkit's packages, and panics, which would be mistakes of ours. Out: `vibes.Error`.
+//! In: errors of the toolkit's packages, and panics, which would be mistakes of ours. Out: `vibes.Error`. All work is run from here, without the
+//! interpreter's lock.
 
 use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Mutex, PoisonError};
 
 use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
+
+use crate::threads::shared_out;
 
 pyo3::create_exception!(
     vibes,
@@ -20,12 +24,40 @@ pub(crate) fn refused(error: impl Display) -> PyErr {
     Error::new_err(error.to_string())
 }
 
-/// Runs `work` without the interpreter's lock; its error or panic becomes the exception.
+/// Runs `work`, parts of which may go to other threads, without the interpreter's lock; its error or panic becomes the exception.
 pub(crate) fn unlocked<T: Send, E: Display + Send>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<T, E> + Send,
 ) -> PyResult<T> {
+    py.detach(|| on_threads(work)).map_err(Error::new_err)
+}
+
+/// As [`unlocked`], with what lies behind a lock. The thread that calls takes it, because a thread that waits for a part of its work takes up other work
+/// meanwhile, which would wait there for the lock that itself holds.
+pub(crate) fn unlocked_with<G: Send, T: Send, E: Display + Send>(
+    py: Python<'_>,
+    lock: &Mutex<G>,
+    work: impl FnOnce(&mut G) -> Result<T, E> + Send,
+) -> PyResult<T> {
+    let locked = || {
+        let mut guard = lock.lock().unwrap_or_else(PoisonError::into_inner);
+        let inside = &mut *guard;
+        on_threads(|| work(inside))
+    };
+    py.detach(locked).map_err(Error::new_err)
+}
+
+/// As [`unlocked`], on the thread that calls alone: for work of which no part goes to another thread.
+pub(crate) fn unlocked_here<T: Send, E: Display + Send>(
+    py: Python<'_>,
+    work: impl FnOnce() -> Result<T, E> + Send,
+) -> PyResult<T> {
     py.detach(|| guarded(work)).map_err(Error::new_err)
+}
+
+/// Runs `work` where its parts find threads; its error or panic becomes a message.
+fn on_threads<T: Send, E: Display + Send>(work: impl FnOnce() -> Result<T, E> + Send) -> Result<T, String> {
+    guarded(|| shared_out(work))?.map_err(|error| error.to_string())
 }
 
 /// Runs `work`; its error or panic becomes a message.

@@ -2,7 +2,7 @@
 //!
 //! In: numbers, names and arrays from Python. Out: arrays, dictionaries, and exceptions with the toolkit's own messages. What is here is the extension
 //! module `vibes._vibes`; the folder `package/` makes of it what Gymnasium, `dm_env` and PyTorch expect. Nothing here holds the interpreter's
-//! lock while it works, and nothing a caller passes ends the process.
+//! lock while it works, only while it copies the arrays it is given, and nothing a caller passes ends the process.
 
 mod arrays;
 mod error;
@@ -10,6 +10,7 @@ mod keeper;
 mod measures;
 mod models;
 mod recording;
+mod threads;
 mod world;
 mod writer;
 

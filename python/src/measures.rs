@@ -2,6 +2,8 @@
 //!
 //! In: latents `[rows, dims]` with the key of every row. Out: dictionaries of numbers with their intervals, under the names that the programs print.
 
+use std::collections::HashSet;
+
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -21,8 +23,8 @@ use vibes_measure::spectrum::spectrum;
 use vibes_measure::symmetry::{ReacherState, SymmetryOptions, matches, rotated_pairs, symmetry};
 use vibes_measure::umap::{UmapOptions, umap};
 
-use crate::arrays::shaped;
-use crate::error::{affordable, refused, unlocked};
+use crate::arrays::{owned, shaped};
+use crate::error::{affordable, refused, unlocked, unlocked_here};
 
 /// Latents with the key of every row, owned: whatever Python does to its arrays meanwhile changes nothing.
 #[pyclass(frozen, module = "vibes._vibes")]
@@ -32,15 +34,37 @@ pub(crate) struct Table {
     values: Vec<f32>,
     episode: Vec<u32>,
     step: Vec<u32>,
-    grid: Option<[Vec<Option<u32>>; 2]>,
+    grid: Option<Cells>,
 }
+
+/// The state and the distractor trajectory of every row, none where it lies on no grid.
+type Cells = [Vec<Option<u32>>; 2];
+
+/// The same as they come from Python: -1 where a row has none.
+type GivenCells<'py> = (PyReadonlyArray1<'py, i64>, PyReadonlyArray1<'py, i64>);
 
 impl Table {
     fn table(&self) -> Result<vibes_measure::Table<'_>, vibes_measure::Error> {
+        self.table_on(None)
+    }
+
+    /// The table with these cells in place of its own, where some are given.
+    fn table_on<'a>(&'a self, cells: Option<&'a Cells>) -> Result<vibes_measure::Table<'a>, vibes_measure::Error> {
         let table = vibes_measure::Table::new(self.dims, &self.values, &self.episode, &self.step)?;
-        match &self.grid {
+        match cells.or(self.grid.as_ref()) {
             None => Ok(table),
             Some([state, distractor]) => table.with_grid(state, distractor),
+        }
+    }
+
+    /// That every row's key is another: two recordings poured into one table would otherwise give a wrong number silently. As `vibes-analyze` has it.
+    fn check_keys(&self) -> Result<(), String> {
+        let mut seen = HashSet::with_capacity(self.episode.len());
+        match self.episode.iter().zip(&self.step).find(|&key| !seen.insert(key)) {
+            None => Ok(()),
+            Some((episode, step)) => Err(format!(
+                "episode {episode}, step {step} occurs twice; right is one row for each (number the episodes of mixed recordings anew)"
+            )),
         }
     }
 
@@ -83,9 +107,8 @@ fn metric(name: &str) -> PyResult<Metric> {
     name.parse().map_err(refused)
 }
 
-/// A column of an array, whatever its strides.
-fn vector<T: numpy::Element + Copy>(array: &PyReadonlyArray1<'_, T>) -> Vec<T> {
-    array.as_array().iter().copied().collect()
+fn cells((state, distractor): &GivenCells<'_>) -> Cells {
+    [state, distractor].map(|column| owned(column).iter().map(|&number| u32::try_from(number).ok()).collect())
 }
 
 #[pymethods]
@@ -96,22 +119,20 @@ impl Table {
         latents: PyReadonlyArray2<'_, f32>,
         episode: PyReadonlyArray1<'_, u32>,
         step: PyReadonlyArray1<'_, u32>,
-        grid: Option<(PyReadonlyArray1<'_, i64>, PyReadonlyArray1<'_, i64>)>,
+        grid: Option<GivenCells<'_>>,
     ) -> PyResult<Self> {
-        // A cell's number is -1 where a row has none.
-        let cells =
-            |column: &PyReadonlyArray1<'_, i64>| vector(column).iter().map(|&n| u32::try_from(n).ok()).collect();
         let table = Self {
             dims: latents.shape()[1],
-            values: latents.as_array().iter().copied().collect(),
-            episode: vector(&episode),
-            step: vector(&step),
-            grid: grid.map(|(state, distractor)| [cells(&state), cells(&distractor)]),
+            values: owned(&latents),
+            episode: owned(&episode),
+            step: owned(&step),
+            grid: grid.as_ref().map(cells),
         };
         if u32::try_from(table.values.len() / table.dims.max(1)).is_err() {
             return Err(refused("a table of more than 2**32 rows"));
         }
-        unlocked(py, || table.table().map(drop))?;
+        unlocked_here(py, || table.table().map(drop))?;
+        unlocked_here(py, || table.check_keys())?;
         Ok(table)
     }
 
@@ -193,7 +214,7 @@ impl Table {
         };
         let rows = self.episode.len();
         let asked: Option<Vec<usize>> =
-            vector(&queries).iter().map(|&row| usize::try_from(row).ok().filter(|&row| row < rows)).collect();
+            owned(&queries).iter().map(|&row| usize::try_from(row).ok().filter(|&row| row < rows)).collect();
         let asked = asked.ok_or_else(|| refused(format!("a query past the table; it has {rows} rows")))?;
         affordable("neighbours [queries, k, bytes]", &[asked.len().max(1), k, 16])?;
         let found = unlocked(py, || nearest(&Space::new(self.table()?, metric)?, &asked, k, exclude))?;
@@ -202,29 +223,34 @@ impl Table {
         Ok((shaped(py, near, &shape)?.into_any(), shaped(py, found.all_distances().to_vec(), &shape)?.into_any()))
     }
 
-    /// Scores of each quantity by both probes.
-    #[pyo3(signature = (quantities, fit, folds, neighbours, seed))]
+    /// Scores of each quantity by both probes. `views` are cells in place of the table's own, for rows of which some are views of one state trajectory.
+    #[pyo3(signature = (quantities, views, fit, folds, neighbours, seed))]
     fn probes<'py>(
         &self,
         py: Python<'py>,
         quantities: &Bound<'py, PyDict>,
-        fit: Option<(Py<Self>, Bound<'py, PyDict>)>,
+        views: Option<GivenCells<'py>>,
+        fit: Option<(Py<Self>, Bound<'py, PyDict>, Option<GivenCells<'py>>)>,
         folds: usize,
         neighbours: usize,
         seed: u64,
     ) -> PyResult<Bound<'py, PyAny>> {
         self.can_have(neighbours)?;
-        let judged = quantities_of(quantities)?;
+        let (judged, views) = (quantities_of(quantities)?, views.as_ref().map(cells));
         let fitted = match &fit {
             None => None,
-            Some((table, quantities)) => Some((table.get(), quantities_of(quantities)?)),
+            Some((table, quantities, views)) => {
+                Some((table.get(), quantities_of(quantities)?, views.as_ref().map(cells)))
+            }
         };
         let options = ProbeOptions { folds, neighbours, ..ProbeOptions::default() };
         let scores = unlocked(py, || -> Done<_> {
-            let sample = Sample { table: self.table()?, quantities: &judged };
+            let sample = Sample { table: self.table_on(views.as_ref())?, quantities: &judged };
             let fit = match &fitted {
                 None => Fit::HeldOut,
-                Some((table, quantities)) => Fit::On(Sample { table: table.table()?, quantities }),
+                Some((table, quantities, views)) => {
+                    Fit::On(Sample { table: table.table_on(views.as_ref())?, quantities })
+                }
             };
             probe(sample, fit, options, &mut ChaCha8Rng::seed_from_u64(seed))
         })?;
@@ -290,7 +316,7 @@ impl Table {
         let state = |row| ReacherState { joints: pair(&joints, row), target: pair(&targets, row) };
         let states: Vec<ReacherState> = (0..rows).map(state).collect();
         let width = images.shape()[1];
-        let pictures: Vec<f32> = images.as_array().iter().copied().collect();
+        let pictures = owned(&images);
         let options = SymmetryOptions { tolerance, pairs, ..SymmetryOptions::default() };
         let found = unlocked(py, || -> Done<_> {
             let (table, mut rng) = (self.table()?, ChaCha8Rng::seed_from_u64(seed));
@@ -338,7 +364,7 @@ impl Table {
 fn quantities_of(quantities: &Bound<'_, PyDict>) -> PyResult<Vec<Quantity>> {
     let read = |(name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| -> PyResult<Quantity> {
         let (values, is_class, hold_out): (PyReadonlyArray1<'_, f64>, bool, String) = value.extract()?;
-        let numbers = vector(&values);
+        let numbers = owned(&values);
         let hold_out = match hold_out.as_str() {
             "state" => HoldOut::State,
             "episode" => HoldOut::Episode,
@@ -359,7 +385,7 @@ pub(crate) fn past_actions<'py>(py: Python<'py>, actions: PyReadonlyArray2<'py, 
     if axes == 0 {
         return Err(refused("actions of no numbers; an action has at least one"));
     }
-    let values: Vec<f32> = actions.as_array().iter().copied().collect();
-    let features = past_action_features(&values, axes);
+    let values = owned(&actions);
+    let features = unlocked_here(py, || Done::Ok(past_action_features(&values, axes)))?;
     Ok(shaped(py, features, &[steps + 1, past_action_dims(axes)])?.into_any())
 }

@@ -17,8 +17,8 @@ use vibes_model::actions::Choice;
 use vibes_model::encode::RawFrames;
 use vibes_model::trained::{Trained, TrainedAgent, actor_file, encoder_file};
 
-use crate::arrays::shaped;
-use crate::error::{refused, unlocked};
+use crate::arrays::{owned, shaped};
+use crate::error::{refused, unlocked, unlocked_with};
 
 /// Rows encoded at a time: memory follows them, not the episode.
 const CHUNK: usize = 128;
@@ -127,10 +127,9 @@ impl Model {
             let found = previous_actions.shape();
             return Err(refused(format!("previous actions of shape {found:?}; right is [{rows}, {width}]")));
         }
-        let actions: Vec<f32> = previous_actions.as_array().iter().copied().collect();
+        let actions = owned(&previous_actions);
         finite("the actions", &actions)?;
-        let latents = unlocked(py, || {
-            let trained = lock(&self.trained);
+        let latents = unlocked_with(py, &self.trained, |trained| {
             let mut encoder = trained.encoder().episode(&vibes_model::cpu());
             let mut latents = Vec::with_capacity(rows * self.facts.latent);
             for start in (0..rows).step_by(CHUNK) {
@@ -144,12 +143,13 @@ impl Model {
     }
 
     /// Forgets the episode before.
-    fn begin(&self, seed: u64) -> PyResult<()> {
-        let mut acting = lock(self.actor()?);
-        acting.agent.begin();
-        acting.executed.clear();
-        acting.rng = ChaCha8Rng::seed_from_u64(seed);
-        Ok(())
+    fn begin(&self, py: Python<'_>, seed: u64) -> PyResult<()> {
+        unlocked_with(py, self.actor()?, |acting| {
+            acting.agent.begin();
+            acting.executed.clear();
+            acting.rng = ChaCha8Rng::seed_from_u64(seed);
+            Ok::<_, vibes_model::ModelError>(())
+        })
     }
 
     /// The action for one observation, `[1, …]`; `executed` is the action that was executed before it, if it was not the one chosen.
@@ -165,7 +165,7 @@ impl Model {
         if rows != 1 {
             return Err(refused(format!("{rows} observations; an agent acts on one at a time")));
         }
-        let executed: Option<Vec<f32>> = executed.map(|action| action.as_array().iter().copied().collect());
+        let executed = executed.map(|action| owned(&action));
         if let Some(executed) = &executed {
             let width = self.facts.actions;
             if executed.len() != width {
@@ -174,9 +174,8 @@ impl Model {
             finite("the executed action", executed)?;
         }
         let choice = if sample { Choice::Sample } else { Choice::Mode };
-        let action = unlocked(py, || {
-            let mut acting = lock(actor);
-            let Acting { agent, executed: last, rng } = &mut *acting;
+        let action = unlocked_with(py, actor, |acting| {
+            let Acting { agent, executed: last, rng } = acting;
             if let Some(executed) = executed {
                 *last = executed;
             }
@@ -239,14 +238,14 @@ impl Model {
                 let array: PyReadonlyArrayDyn<'_, u8> = observations.extract().map_err(|_other| right())?;
                 let fits = array.ndim() == 4 && array.shape()[1..] == [height, width, 3] && array.shape()[0] > 0;
                 let rows = if fits { array.shape()[0] } else { return Err(right()) };
-                Ok((Seen::Pixels(array.as_array().iter().copied().collect()), rows))
+                Ok((Seen::Pixels(owned(&array)), rows))
             }
             ObservationKind::Vector { len } => {
                 let right = || wrong(format!("float32 [rows, {len}]"));
                 let array: PyReadonlyArrayDyn<'_, f32> = observations.extract().map_err(|_other| right())?;
                 let fits = array.ndim() == 2 && array.shape()[1] == len && array.shape()[0] > 0;
                 let rows = if fits { array.shape()[0] } else { return Err(right()) };
-                let numbers: Vec<f32> = array.as_array().iter().copied().collect();
+                let numbers = owned(&array);
                 finite("the observations", &numbers)?;
                 Ok((Seen::Vectors(numbers), rows))
             }

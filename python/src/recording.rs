@@ -9,9 +9,10 @@ use arrow::datatypes::{Float64Type, UInt32Type};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use vibes_data::{EpisodeEntry, EpisodeView, Purpose, Spec, WindowBatch, WindowSampler, update_rng};
+use vibes_measure::episodes;
 
 use crate::arrays::{shaped, shared};
-use crate::error::{affordable, refused, unlocked};
+use crate::error::{affordable, refused, unlocked_here};
 
 /// A folder of episodes.
 #[pyclass(frozen, module = "vibes._vibes")]
@@ -22,7 +23,7 @@ pub(crate) struct Recording(vibes_data::Recording);
 impl Recording {
     #[new]
     fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        unlocked(py, || vibes_data::Recording::open(&path)).map(Self)
+        unlocked_here(py, || vibes_data::Recording::open(&path)).map(Self)
     }
 
     /// Where it lies.
@@ -43,10 +44,27 @@ impl Recording {
 
     /// Maps one episode.
     fn episode(&self, py: Python<'_>, index: u32) -> PyResult<Episode> {
-        let view = unlocked(py, || self.0.episode(index))?;
+        let view = unlocked_here(py, || self.0.episode(index))?;
         let entry = self.0.episodes().iter().find(|entry| entry.index == index).cloned();
         let entry = entry.ok_or_else(|| refused(format!("no episode {index}")))?;
         Ok(Episode { view, entry, spec: self.0.manifest().spec.clone() })
+    }
+
+    /// The state and the distractor trajectory of every episode, in the order of its numbers, -1 where it has none: those of its cell. Without cells,
+    /// episodes that took the same actions are views of one state trajectory, under distractors of their own.
+    fn trajectories<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let of = |entry: &EpisodeEntry| {
+            let cell = entry.cell.map(|cell| (cell.state, cell.distractor));
+            episodes::Episode { recording: 0, index: entry.index, cell }
+        };
+        let all: Vec<episodes::Episode> = self.0.episodes().iter().map(of).collect();
+        let actions = |place: usize| self.0.episode(all[place].index).map(|view| view.actions());
+        let chosen = unlocked_here(py, || episodes::chosen(&all, usize::MAX, actions))?;
+        let number = |number: Option<u32>| number.map_or(-1, i64::from);
+        let (states, distractors): (Vec<i64>, Vec<i64>) =
+            chosen.iter().map(|one| (number(one.state), number(one.distractor))).unzip();
+        let shape = [chosen.len()];
+        Ok((shaped(py, states, &shape)?.into_any(), shaped(py, distractors, &shape)?.into_any()))
     }
 }
 
@@ -161,7 +179,7 @@ impl Windows {
             let samplers = recordings.iter().map(|recording| WindowSampler::new(recording, length));
             Ok((vibes_data::Windows::new(&recordings, length, batch)?, samplers.collect::<Result<Vec<_>, _>>()?))
         };
-        let (updates, samplers) = unlocked(py, open)?;
+        let (updates, samplers) = unlocked_here(py, open)?;
         Ok(Self { updates, samplers, spec, length, batch })
     }
 
@@ -189,7 +207,7 @@ impl Windows {
         if update > u64::MAX / 8 {
             return Err(refused(format!("update {update}; the last is {}", u64::MAX / 8)));
         }
-        let batch = unlocked(py, || {
+        let batch = unlocked_here(py, || {
             Ok::<_, vibes_data::Error>(self.updates.sample(&mut update_rng(seed, update, Purpose::Windows)))
         })?;
         self.arrays(py, batch)
@@ -200,7 +218,7 @@ impl Windows {
         let mut rest = number;
         for sampler in &self.samplers {
             if rest < sampler.windows() {
-                let batch = unlocked(py, || Ok::<_, vibes_data::Error>(sampler.numbered(&[rest])))?;
+                let batch = unlocked_here(py, || Ok::<_, vibes_data::Error>(sampler.numbered(&[rest])))?;
                 return self.arrays(py, batch);
             }
             rest -= sampler.windows();

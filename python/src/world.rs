@@ -17,11 +17,11 @@ use pyo3::types::PyDict;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use vibes_data::Spec;
-use vibes_env::render::{check_drawing, on_one_display, visiting};
+use vibes_env::render::{check_drawing, on_one_display, visiting, without_rasteriser_threads};
 use vibes_env::videos::VideoLibrary;
 
-use crate::arrays::shaped;
-use crate::error::{affordable, guarded, refused, unlocked};
+use crate::arrays::{owned, shaped};
+use crate::error::{affordable, guarded, refused, unlocked, unlocked_here};
 use crate::keeper::Keeper;
 use options::WorldOptions;
 use rows::{Place, Rows};
@@ -67,11 +67,12 @@ impl World {
         let bytes = options.size.map_or(0, |size| 3 * size as usize * size as usize);
         affordable("pictures [environments, bytes]", &[environments, bytes.max(1)])?;
         if options.size.is_some() {
-            // With the interpreter's lock, and before there are threads: opening EGL sets a variable of the process's environment.
-            visiting(check_drawing).map_err(refused)?;
+            // With the interpreter's lock, under which Python changes the process's environment too, and before there are threads of ours.
+            without_rasteriser_threads();
+            unlocked_here(py, || visiting(check_drawing))?;
         }
-        unlocked(py, || -> Result<Self, String> {
-            let videos = Arc::new(options.open_videos().map_err(|error| error.to_string())?);
+        let videos = Arc::new(unlocked(py, || options.open_videos())?);
+        unlocked_here(py, || -> Result<Self, String> {
             let environment = options.environment().map_err(|error| error.to_string())?;
             let spec = environment.spec(options.size);
             let episode_steps = environment.episode_steps();
@@ -143,8 +144,7 @@ impl World {
             let found = actions.shape();
             return Err(refused(format!("actions of shape {found:?}; right is [{}, {width}]", self.environments)));
         }
-        // Owned, because the lock is given away and another thread of Python might write to the array meanwhile.
-        let actions: Vec<f32> = actions.as_array().iter().copied().collect();
+        let actions = owned(&actions);
         let keys: Vec<Option<EpisodeKey>> = match episodes {
             None => vec![None; self.environments],
             Some(keys) if keys.len() == self.environments => keys
@@ -216,8 +216,11 @@ impl World {
         self.slots.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// In the child of a fork there is nothing to end: the environments belong to its parent, and a lock may be held by a thread that is not there.
     fn end(&self) {
-        visiting(|| self.lock().clear());
+        if std::process::id() == self.process {
+            visiting(|| self.lock().clear());
+        }
     }
 
     /// Lets every environment do `work`, which returns its reward, and show its row.
@@ -242,12 +245,12 @@ impl World {
     ) -> PyResult<()> {
         if std::process::id() != self.process {
             return Err(refused(
-                "this environment was made in another process, whose threads a fork leaves behind; make it in this one \
-                 (multiprocessing's spawn does), or use vibes.make_vec, which needs no processes",
+                "this environment was made in another process, whose threads a fork leaves behind; start processes with spawn or forkserver \
+                 and make it there, or use vibes.make_vec, which needs no processes",
             ));
         }
         let one = |(i, (slot, place)): (usize, (&mut Slot, Place<'_>))| visiting(|| guarded(|| work(i, slot, place)));
-        unlocked(py, || -> Result<(), String> {
+        unlocked_here(py, || -> Result<(), String> {
             let mut slots = self.lock();
             if slots.is_empty() {
                 return Err("this environment is closed; make another".to_owned());
@@ -292,10 +295,8 @@ fn open_slots(
 
 impl Drop for World {
     fn drop(&mut self) {
-        // In the child of a fork they belong to its parent, and a lock may be held by a thread that is not there.
-        if std::process::id() == self.process {
-            self.end();
-        } else {
+        self.end();
+        if std::process::id() != self.process {
             std::mem::forget(std::mem::take(&mut self.slots));
             std::mem::forget(self.pool.take());
         }

@@ -15,7 +15,8 @@ use vibes_data::{
 use vibes_env::Heading;
 use vibes_env::videos::VideoSource;
 
-use crate::error::{refused, unlocked};
+use crate::arrays::owned;
+use crate::error::{refused, unlocked_here};
 use crate::keeper::Keeper;
 use crate::world::World;
 
@@ -114,7 +115,7 @@ impl Writer {
         episode.cameras = vec![CameraPose::default(); episode.rows()];
         episode.backgrounds = vec![None; episode.rows()];
         let info = EpisodeInfo { policy, seed, model_overrides: serde_json::Value::Null };
-        unlocked(py, || writer.write(&episode, info))
+        unlocked_here(py, || writer.write(&episode, info))
     }
 
     /// Keeps every episode that the world plays to its end from now on.
@@ -140,7 +141,7 @@ impl Writer {
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         let Some(Keeper { writer, seed, grid, acts_by_pictures }) = self.lock().take() else { return Ok(()) };
         match Arc::try_unwrap(writer) {
-            Ok(writer) => unlocked(py, || writer.finish()).map(drop),
+            Ok(writer) => unlocked_here(py, || writer.finish()).map(drop),
             Err(writer) => {
                 *self.lock() = Some(Keeper { writer, seed, grid, acts_by_pictures });
                 Err(refused("an environment still keeps its episodes here; close it or stop keeping first"))
@@ -152,7 +153,7 @@ impl Writer {
 impl Writer {
     fn open(py: Python<'_>, path: PathBuf, manifest: Manifest, mcap: bool) -> PyResult<Self> {
         let (spec, seed, grid) = (manifest.spec.clone(), manifest.seed, manifest.grid);
-        let writer = unlocked(py, || RecordingWriter::create_or_resume(&path, manifest, mcap))?;
+        let writer = unlocked_here(py, || RecordingWriter::create_or_resume(&path, manifest, mcap))?;
         let keeper = Keeper { writer: Arc::new(writer), seed, grid, acts_by_pictures: false };
         Ok(Self { path, spec, keeper: Mutex::new(Some(keeper)) })
     }
@@ -184,13 +185,23 @@ fn numbers<T: Element + Copy>(name: &str, array: Option<Bound<'_, PyAny>>, row: 
     let found = array.shape();
     let plain = |shape: &[usize]| if *shape == [1] { Vec::new() } else { shape.to_vec() };
     if found.split_first().is_none_or(|(_, rest)| plain(rest) != plain(row)) {
+        if row.contains(&0) {
+            return Err(refused(unnamed(name)));
+        }
         let row: String = row.iter().map(|size| format!(", {size}")).collect();
         return Err(refused(format!("{name} of shape {found:?}; right is [rows{row}]")));
     }
-    Ok(match array.as_slice() {
-        Ok(slice) => slice.to_vec(),
-        Err(_) => array.as_array().iter().copied().collect(),
-    })
+    Ok(owned(&array))
+}
+
+/// What is wrong with a column of which the spec says nothing.
+fn unnamed(column: &str) -> String {
+    let right = match column {
+        "pixels" => "name their size there, or leave them out",
+        "colors" => "leave them out",
+        _ => "name it there, or leave it out",
+    };
+    format!("{column}, of which this recording's spec says nothing; {right}")
 }
 
 /// A grid of at least one cell, whose cells can be numbered.

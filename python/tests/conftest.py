@@ -2,10 +2,13 @@
 a failure that names the command which puts it there."""
 
 import importlib.util
+import multiprocessing
 import os
+import queue
 import shutil
 import struct
 import subprocess
+import warnings
 import zlib
 from pathlib import Path
 
@@ -34,6 +37,33 @@ def collect(*words):
     done = subprocess.run([program("vibes-collect"), *map(str, words)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+def forked(work):
+    """What the child of a fork returns from ``work``, or the words of its ``vibes.Error``. A child that waits for ever, or ends without a word, is a failure."""
+    import vibes
+
+    context = multiprocessing.get_context("fork")
+    answers = context.Queue()
+
+    def child():
+        try:
+            answers.put(work())
+        except vibes.Error as error:
+            answers.put(str(error))
+
+    process = context.Process(target=child)
+    with warnings.catch_warnings():
+        # Python warns of forks beside threads, which is what is tried here.
+        warnings.simplefilter("ignore")
+        process.start()
+    try:
+        return answers.get(timeout=60)
+    except queue.Empty:
+        pytest.fail("the child of the fork gives no answer", pytrace=False)
+    finally:
+        process.kill()
+        process.join()
 
 
 def films(folder, count):

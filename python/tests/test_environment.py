@@ -12,7 +12,7 @@ import gymnasium
 import numpy as np
 import pytest
 import vibes
-from conftest import films
+from conftest import films, forked
 from gymnasium.utils.env_checker import check_env
 
 TASKS = ["ball_in_cup-catch", "cartpole-swingup", "cheetah-run", "finger-spin", "reacher-easy", "walker-walk", "swimmer-6"]
@@ -102,6 +102,70 @@ def test_many_environments_play_what_single_ones_do_whatever_the_threads(threads
             np.testing.assert_array_equal(seen["state"][i], observation["state"])
             assert reward is None or reward[i] == earned
             assert truncated is None or truncated[i] == over
+
+
+def played_by(env, steps):
+    """Which episodes an environment of many plays, and in what states, from here on."""
+    for _ in range(steps):
+        states, _, _, _, info = env.step(np.zeros(env.action_space.shape))
+        yield info["episode_number"].tolist(), states.tolist()
+
+
+def test_seeds_of_their_own_are_those_of_all_following_episodes():
+    """As Gymnasium's own vector environments keep them: an environment plays what a single one of its seed does, episode after episode."""
+    options = {"observation": "state", "action_repeat": 500}
+    many = vibes.make_vec("cartpole-swingup", 3, seed=3, **options)
+    first, info = many.reset(seed=[10, 11, None])
+    history = [(info["episode_number"].tolist(), first.tolist()), *played_by(many, 8)]
+    singles = [vibes.make("cartpole-swingup", seed=seed, **options) for seed in (10, 11, 3)]
+    for i, (single, numbers) in enumerate(zip(singles, [[0, 1, 2], [0, 1, 2], [2, 5, 8]])):
+        for episode, number in enumerate(numbers):
+            observation, _ = single.reset(options={"episode": number})
+            for t in range(3):
+                assert history[3 * episode + t][0][i] == number
+                assert history[3 * episode + t][1][i] == observation.tolist()
+                if t < 2:
+                    observation, *_ = single.step([0])
+    assert many.world.seed == 3
+    # Only those that are reset are given their seed.
+    many.reset(seed=[20, 21, 22], options={"reset_mask": np.array([True, False, True])})
+    keys, _ = many.world._course.ahead(np.ones(3, bool))
+    assert keys == [(20, 1, 1), (11, 3, 3), (22, 1, 1)]
+    many.reset(seed=5)
+    assert many.world._course.ahead(np.ones(3, bool))[0] == [(5, 3, 3), (5, 4, 4), (5, 5, 5)]
+
+
+def test_what_is_refused_uses_up_no_episode(tmp_path):
+    many = vibes.make_vec("cartpole-swingup", 2, observation="state", action_repeat=500)
+    many.reset()
+    for _ in range(2):
+        _, _, _, over, _ = many.step(np.zeros((2, 1)))
+    assert over.all()
+    # Only the second begins its next episode.
+    many._over = np.array([False, True])
+    for _ in range(3):
+        with pytest.raises(vibes.Error, match="the episode is over"):
+            many.step(np.zeros((2, 1)))
+        assert many.world.episodes.tolist() == [0, 1]
+    many._over = np.array([True, True])
+    assert many.step(np.zeros((2, 1)))[4]["episode_number"].tolist() == [2, 3]
+    with pytest.raises(vibes.Error, match="right is a whole number"):
+        many.reset(seed=[7, "eight"])
+    assert many.world.seed == 0 and many.reset()[1]["episode_number"].tolist() == [4, 5]
+    env = vibes.make("cartpole-swingup", observation="state", action_repeat=1000)
+    with vibes.Writer(tmp_path / "mine", env, mcap=False) as writer:
+        env.reset()
+        env.step([0])
+        for wrong in ({"seed": 5}, {"seed": 0}, {"options": {"episode": 0}}):
+            with pytest.raises(vibes.Error):
+                env.reset(**wrong)
+            assert env.world.seed == 0
+        assert env.reset()[1]["episode_number"] == 1
+
+
+def test_pictures_are_shown_at_one_a_second_at_least():
+    for repeat, frames in [(1, 100), (100, 1), (1000, 1)]:
+        assert vibes.make("cartpole-swingup", observation="state", action_repeat=repeat).metadata["render_fps"] == frames
 
 
 @pytest.mark.parametrize("observation", ["pixels", "state", "both"])
@@ -378,3 +442,26 @@ def test_a_fork_raises_instead_of_waiting_for_ever():
     assert child.exitcode == 0
     env.step([0, 0])
     assert os.getpid() != child.pid
+
+
+def test_a_fork_of_a_process_that_drew_is_told_how_to_start_instead():
+    vibes.make(size=16).close()
+    said = forked(lambda: vibes.make(size=16).reset())
+    assert "forked from" in said and "spawn or forkserver" in said and "vibes.make_vec" in said
+    # What draws nothing can be made there, and what belongs to the parent can be closed.
+    env = vibes.make(size=16)
+    assert forked(lambda: vibes.make("cartpole-swingup", observation="state").reset()[0].shape) == (5,)
+    assert forked(lambda: (env.close(), "closed")[1]) == "closed"
+    env.reset()
+
+
+def test_gymnasiums_processes_draw_when_they_are_spawned():
+    vibes.make(size=16).close()
+    # As docs/python.md and the error of a fork have it.
+    words = {"vectorization_mode": "async", "vector_kwargs": {"context": "spawn"}}
+    many = gymnasium.make_vec("vibes/reacher-easy-v0", num_envs=2, size=16, **words)
+    try:
+        pictures, _ = many.reset(seed=3)
+        np.testing.assert_array_equal(pictures[0], vibes.make(size=16, seed=3).reset()[0])
+    finally:
+        many.close()

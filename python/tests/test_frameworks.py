@@ -52,6 +52,16 @@ def test_torchrls_dm_control_wrapper_takes_it():
     assert rollout["next", "done"].sum() == 2, "episodes of ten steps"
 
 
+def test_a_copy_of_a_column_can_be_changed(sample):
+    """The column itself is the file, and changing it would end the process: docs/python.md says how to copy it."""
+    import torch
+
+    episode = vibes.open(sample)[0]
+    before = episode.reward.copy()
+    torch.tensor(episode.reward).mul_(0.5)
+    np.testing.assert_array_equal(episode.reward, before)
+
+
 def test_pytorch_loads_windows(sample):
     import torch
     from torch.utils.data import DataLoader

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import vibes
+from conftest import collect, forked
 from vibes import measures
 
 
@@ -160,11 +161,54 @@ def test_rows_of_a_recording_are_its_keys(sample):
     assert numbers["retrieval_same_step@1"]["estimate"] == 1
 
 
-def test_errors_name_what_would_be_right():
+def test_the_child_of_a_fork_measures_too():
+    """Rayon's threads stay in the parent; the child starts its own, and so does a child of it."""
+    table, _ = grid(noise=0.3)
+
+    def measured():
+        return measures.umap(table, epochs=20)["positions"].tolist(), measures.variance_shares(table)["state_share"]["estimate"]
+
+    here = measured()
+    assert forked(measured) == here
+    assert forked(lambda: (measured(), forked(measured))) == (here, here)
+
+
+def test_latents_may_lie_in_any_order_in_memory():
+    table, keys = grid(noise=0.3)
+    columns = measures.Table(np.asfortranarray(table.latents), **keys)
+    backwards = measures.Table(np.ascontiguousarray(table.latents[::-1])[::-1], **keys)
+    for other in (columns, backwards):
+        assert measures.variance_shares(other) == measures.variance_shares(table)
+        # Laid out by numpy, which lets other threads of Python run meanwhile, and not number by number by the extension, which does not.
+        assert other.latents.flags.c_contiguous
+
+
+def test_views_within_a_recording_are_held_out_together(recorded, tmp_path):
+    """As ``vibes-analyze probe`` has them: ``vibes-collect merge`` leaves views without cells, and the same actions are the same trajectory."""
+    one = recorded("--episodes", "4", "--steps", "8", "--size", "16", "--seed", "3")
+    collect("render", one, "--size", "16", "--distract", "none", "--no-mcap", "--quiet", "-o", tmp_path / "again")
+    collect("merge", one, tmp_path / "again", "--quiet", "-o", tmp_path / "merged")
+    groups = {}
+    for name, path in [("one", one), ("merged", tmp_path / "merged")]:
+        recording = vibes.open(path)
+        observation = np.concatenate([episode.observation for episode in recording])
+        table = measures.Table(observation, recording=recording)
+        scores = measures.probes(table, {"angle": observation[:, 0]}, folds=2)
+        groups[name] = {score["groups"] for score in scores}
+    assert len(vibes.open(tmp_path / "merged")) == 8
+    assert groups == {"one": {4}, "merged": {4}}
+
+
+def test_errors_name_what_would_be_right(sample):
     table, keys = grid()
+    recording = vibes.open(sample)
+    rows = sum(episode.steps + 1 for episode in recording)
     wrong = [
         (lambda: measures.Table(np.zeros((3, 2)), episode=[0, 0], step=[0, 1]), "expected"),
         (lambda: measures.Table(np.zeros(3), episode=[0], step=[0]), r"\[rows, dims\]"),
+        (lambda: measures.Table(np.zeros((5, 2)), recording=recording), rf"latents of 5 rows; the recording has {rows} \({len(recording)} episodes, each with its T \+ 1 rows\)"),
+        (lambda: measures.Table(np.zeros((3, 2)), episode=[0, 1, 0], step=[4, 4, 4]), "episode 0, step 4 occurs twice; right is one row for each"),
+        (lambda: measures.Table(np.zeros((2, 2)), episode=[0, 0], step=[4, 4], state=[0, 1], distractor=[0, 0]), "occurs twice"),
         (lambda: measures.Table([[np.nan]], episode=[0], step=[0]), "finite"),
         (lambda: measures.Table(np.zeros((0, 2)), episode=np.zeros(0, int), step=np.zeros(0, int)), "found 0"),
         (lambda: measures.Table(np.zeros((1, 2))), "give recording"),

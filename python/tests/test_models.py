@@ -1,12 +1,13 @@
 """Trained models encode and act as the programs do."""
 
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import polars
 import pytest
 import vibes
-from conftest import ROOT, program
+from conftest import ROOT, forked, program
 
 CHECKPOINT = ROOT / "checkpoints" / "cartpole-swingup"
 
@@ -44,6 +45,33 @@ def test_episodes_are_encoded_row_by_row_or_at_once(model):
     assert whole.shape == (5, model.config["latent"]) and whole.dtype == np.float32
     np.testing.assert_allclose(model.encode(np.stack(pictures[:3]), np.stack(actions[:2])), whole[:3], atol=1e-5)
     assert (model.encode(np.stack(pictures), -np.stack(actions)) != whole).any(), "past actions matter"
+
+
+def test_the_child_of_a_fork_encodes_too(model):
+    """Rayon's threads stay in the parent. Several of Python's threads at once, because those that wait for a part of their work take up another's."""
+    pictures = np.random.default_rng(0).integers(0, 256, (40, 64, 64, 3), np.uint8)
+    actions = np.zeros((39, 1), np.float32)
+
+    def encoded():
+        with ThreadPoolExecutor(4) as threads:
+            return [latents.tolist() for latents in threads.map(lambda _: model.encode(pictures, actions), range(8))]
+
+    here = encoded()
+    assert forked(encoded) == here
+    assert forked(lambda: vibes.load(CHECKPOINT).encode(pictures, actions).tolist()) == here[0]
+
+
+def test_pictures_may_lie_in_any_order_in_memory(model):
+    pictures = np.random.default_rng(0).integers(0, 256, (3, 3, 64, 64), np.uint8).transpose(0, 2, 3, 1)
+    np.testing.assert_array_equal(model.encode(pictures, np.zeros((2, 1))), model.encode(pictures.copy("C"), np.zeros((2, 1))))
+    np.testing.assert_array_equal(model.encode(np.asfortranarray(pictures), np.zeros((2, 1))), model.encode(pictures.copy("C"), np.zeros((2, 1))))
+
+
+def test_a_recording_of_another_task_is_encoded_with_a_warning(model, recorded):
+    # One number in an action and pictures of the same size, as cartpole-swingup has them.
+    other = vibes.open(recorded("--task", "known-slide", "--episodes", "1", "--steps", "2", "--distract", "none"))
+    with pytest.warns(UserWarning, match="a recording of known-slide, and a model that was trained on cartpole-swingup"):
+        assert model.encode_recording(other).shape == (3, model.config["latent"])
 
 
 TINY = (

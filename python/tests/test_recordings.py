@@ -94,6 +94,16 @@ def test_the_windows_of_several_recordings_are_mixed(sample, recorded):
     assert 0 < found < 64
 
 
+def test_one_recording_is_named_by_its_path_alone(sample):
+    listed = vibes.windows([sample], length=4, batch=3, seed=2)
+    for path in [sample, str(sample)]:
+        one = vibes.windows(path, length=4, batch=3, seed=2)
+        assert one.count == listed.count
+        np.testing.assert_array_equal(one[1]["observation"], listed[1]["observation"])
+        assert len(vibes.WindowDataset(path, length=4)) == listed.count
+        assert pickle.loads(pickle.dumps(one)).count == listed.count
+
+
 def test_every_window_can_be_had_by_its_number(sample):
     recording = vibes.open(sample)
     dataset = recording.dataset(length=6)
@@ -104,6 +114,9 @@ def test_every_window_can_be_had_by_its_number(sample):
     with pytest.raises(IndexError):
         dataset[len(dataset)]
     assert len(pickle.loads(pickle.dumps(dataset))) == len(dataset)
+    before = dataset[0]["pixels"].copy()
+    dataset.release()
+    np.testing.assert_array_equal(dataset[0]["pixels"], before)
 
 
 def test_errors_name_what_would_be_right(sample, tmp_path):

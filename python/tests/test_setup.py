@@ -1,6 +1,8 @@
 """What stands between a fresh clone and these tests: the environments that the Makefile makes, and what pages and messages say of installing."""
 
 import json
+import os
+import re
 import subprocess
 import sys
 
@@ -10,9 +12,9 @@ from conftest import ROOT
 SCRIPT = ROOT / "setup" / "environment.sh"
 
 
-def environment(requirements, folder, *options):
+def environment(requirements, folder, *options, **variables):
     """What setup/environment.sh did and said. The packages of these tests are none, or one that is not there, so that nothing is fetched."""
-    return subprocess.run([SCRIPT, *options, requirements, folder], capture_output=True, text=True)
+    return subprocess.run([SCRIPT, *options, requirements, folder], env=os.environ | variables, capture_output=True, text=True)
 
 
 def test_an_environment_is_whole_and_of_the_present_list(tmp_path):
@@ -36,6 +38,23 @@ def test_an_environment_is_whole_and_of_the_present_list(tmp_path):
     requirements.write_text(f"{tmp_path}/nothing-there\n")
     environment(requirements, folder, "--anew")
     assert not (folder / "mine").exists()
+
+
+def test_an_environment_is_made_for_whoever_has_pip_install_for_the_user_alone(tmp_path):
+    requirements = tmp_path / "list.txt"
+    requirements.write_text("# nothing\n")
+    made = environment(requirements, tmp_path / "environment", PIP_USER="1")
+    assert made.returncode == 0, made.stderr
+
+
+def test_what_venv_says_of_its_failure_is_not_hidden(tmp_path):
+    requirements, python = tmp_path / "list.txt", tmp_path / "bin" / "python3"
+    requirements.write_text("# nothing\n")
+    python.parent.mkdir()
+    python.write_text("#!/bin/sh\necho 'No space left on device' >&2\nexit 1\n")
+    python.chmod(0o755)
+    failed = environment(requirements, tmp_path / "environment", PATH=f"{python.parent}:{os.environ['PATH']}")
+    assert failed.returncode != 0 and "No space left on device" in failed.stderr
 
 
 @pytest.mark.parametrize(("goal", "requirements"), [("python-test", "python/tests/requirements.txt"), ("sweep-test", "tests/sweep_engines.txt")])
@@ -63,6 +82,13 @@ def test_what_the_examples_import_is_in_the_list_that_they_name():
         assert f"import {package}\n" in example and f"\n{package}>=" in engines and f"\n{package}==" not in packages
         assert "tests/sweep_engines.txt" in example
         assert f"`{package}`" in page and "tests/sweep_engines.txt" in page
+
+
+def test_gymnasium_is_as_new_as_what_is_imported_of_it():
+    """AutoresetMode came with 1.1."""
+    for name in ["python/pyproject.toml", "python/tests/requirements.txt"]:
+        (oldest,) = re.findall(r"gymnasium>=([0-9.]+)", (ROOT / name).read_text())
+        assert tuple(map(int, oldest.split("."))) >= (1, 1), name
 
 
 def test_pages_that_install_the_package_make_an_environment_first():

@@ -1,9 +1,11 @@
 """Recordings from Python are recordings: the collector verifies them, and they hold what was played."""
 
+import gymnasium
 import numpy as np
+import polars
 import pytest
 import vibes
-from conftest import collect, films
+from conftest import collect, films, forked
 
 
 def test_what_is_played_is_recorded_and_verified(tmp_path, recorded):
@@ -67,6 +69,94 @@ def test_many_environments_are_kept_while_they_are_stepped(tmp_path):
     assert "sound" in collect("verify", tmp_path / "many")
 
 
+def test_a_policy_acts_through_what_is_wrapped_around_its_environment(tmp_path):
+    options = {"observation": "state", "action_repeat": 250, "seed": 4}
+    seen = []
+
+    def policy(observation):
+        seen.append(observation)
+        return np.array([50.0], np.float32)
+
+    def wrapped():
+        env = gymnasium.wrappers.FrameStackObservation(vibes.make("cartpole-swingup", **options), 3)
+        return gymnasium.wrappers.RescaleAction(env, np.float32(-100), np.float32(100))
+
+    with vibes.Writer(tmp_path / "mine", wrapped(), mcap=False) as writer:
+        returns = writer.record(policy)
+    (episode,) = vibes.open(tmp_path / "mine")
+    assert [observation.shape for observation in seen] == [(3, 5)] * 4
+    np.testing.assert_allclose(episode.action, 0.5, rtol=1e-6, err_msg="as executed, in the task's own units")
+    np.testing.assert_array_equal(seen[-1][-1], episode.observation[-2])
+    assert episode.entry["return"] == pytest.approx(returns[0], rel=1e-6)
+    # In a grid the other cells are the same physics; the third row's own distractor is no column of it.
+    with vibes.Writer(tmp_path / "grid", wrapped(), grid=(3, 2), mcap=False) as writer:
+        returns = writer.record(policy)
+    cells = list(vibes.open(tmp_path / "grid"))
+    assert len(cells) == 6 and all((cell.action == episode.action).all() for cell in cells)
+    assert [cell.entry["return"] for cell in cells[1::2]] == pytest.approx(returns, rel=1e-6)
+    assert "sound" in collect("verify", tmp_path / "grid")
+
+
+def test_a_wrapper_that_ends_episodes_early_is_named(tmp_path):
+    env = gymnasium.wrappers.TimeLimit(vibes.make("cartpole-swingup", observation="state", action_repeat=250), 3)
+    with vibes.Writer(tmp_path / "mine", env, mcap=False) as writer:
+        with pytest.raises(vibes.Error, match="TimeLimit ended an episode after 3 of 4 steps"):
+            writer.record(lambda observation: [0.0])
+        assert len(writer) == 0
+    many = vibes.make_vec("cartpole-swingup", 1, observation="state", action_repeat=500)
+    with vibes.Writer(tmp_path / "many", many, mcap=False) as writer:
+        with pytest.raises(vibes.Error, match="record plays an environment from vibes.make"):
+            writer.record(lambda observation: [0.0])
+
+
+def acting(path):
+    """The acting distractor of every episode of a recording."""
+    tables = [polars.read_ipc(file) for file in sorted((path / "episodes").glob("*.arrow"))]
+    return [table["acting_distractor"][0] for table in tables]
+
+
+def test_the_acting_distractor_is_named_where_pictures_are_observed(tmp_path):
+    for observation, expected in [("pixels", [0, 1]), ("state", [None, None])]:
+        # Pictures that are drawn for somebody else to look at are no observations.
+        options = {"size": 16, "action_repeat": 500, "observation": observation}
+        env = vibes.make("cartpole-swingup", render_mode="rgb_array", **options)
+        with vibes.Writer(tmp_path / f"one-{observation}", env, mcap=False) as writer:
+            env.reset()
+            for _ in range(2):
+                env.step([0.5])
+            writer.record(lambda observation: [0.5])
+        assert acting(tmp_path / f"one-{observation}") == expected
+        many = vibes.make_vec("cartpole-swingup", 2, **options)
+        with vibes.Writer(tmp_path / f"many-{observation}", many, mcap=False):
+            many.reset()
+            for _ in range(2):
+                many.step(np.full((2, 1), 0.5))
+        assert acting(tmp_path / f"many-{observation}") == expected
+        assert "sound" in collect("verify", tmp_path / f"many-{observation}")
+    world = vibes.World("cartpole-swingup", size=16, action_repeat=1000)
+    with vibes.Writer(tmp_path / "world", world, mcap=False) as writer:
+        for acts in (None, False):
+            world.keep(writer, acts_by_pictures=acts)
+            world.reset()
+            world.step([[0.5]])
+    assert acting(tmp_path / "world") == [0, None]
+    env = vibes.make("cartpole-swingup", size=16, action_repeat=1000)
+    with vibes.Writer(tmp_path / "grid", env, grid=(1, 2), mcap=False):
+        env.reset(options={"state": 0, "distractor": 1})
+        env.step([0.5])
+    assert acting(tmp_path / "grid") == [None], "nobody has said which one was looked at"
+
+
+def test_a_fork_that_drops_a_writer_leaves_its_lock(tmp_path):
+    held = [vibes.Writer(tmp_path / "mine", spec=spec(), mcap=False)]
+    assert forked(lambda: (held.clear(), "dropped")[1]) == "dropped"
+    assert (tmp_path / "mine" / ".lock").exists()
+    with pytest.raises(vibes.Error, match="process"):
+        vibes.Writer(tmp_path / "mine", spec=spec(), mcap=False)
+    held[0].close()
+    assert not (tmp_path / "mine" / ".lock").exists()
+
+
 def test_only_the_recordings_own_episodes_are_kept(tmp_path):
     env = vibes.make(size=16, action_repeat=1000)
     with vibes.Writer(tmp_path / "one", env) as writer:
@@ -74,8 +164,11 @@ def test_only_the_recordings_own_episodes_are_kept(tmp_path):
             env.reset(seed=3)
         env.reset(seed=0)
         env.step([0, 0])
-        with pytest.raises(vibes.Error, match="in the recording already"):
+        with pytest.raises(vibes.Error, match="in the recording already.*env.world.seek") as refused:
             env.reset(seed=0)
+        assert "writer.next_episode()" in str(refused.value)
+        env.world.seek(writer.next_episode())
+        assert env.reset()[1]["episode_number"] == 1
         with pytest.raises(vibes.Error, match="one number for both"):
             env.reset(options={"state": 1, "distractor": 2})
     env.reset(seed=3)
@@ -214,6 +307,8 @@ def test_wrong_episodes_are_refused_and_leave_nothing(tmp_path):
             ({"reward": "abcde"}, r"reward of type <U5; right is numbers \[rows, …\]"),
             ({"action": np.zeros((2, 5))}, r"right is \[rows, 2\]"),
             ({"pixels": np.zeros((6, 3, 8, 8), np.uint8)}, r"right is \[rows, 8, 8, 3\]"),
+            ({"qpos": np.zeros((6, 2))}, "qpos, of which this recording's spec says nothing; name it there, or leave it out"),
+            ({"colors": np.zeros((6, 2, 3))}, "colors, of which this recording's spec says nothing; leave them out"),
         ]
         for change, words in wrong:
             with pytest.raises(vibes.Error, match=words):
@@ -222,6 +317,9 @@ def test_wrong_episodes_are_refused_and_leave_nothing(tmp_path):
         with pytest.raises(vibes.Error, match="there already"):
             writer.write(**good, index=0)
     assert vibes.open(tmp_path / "foreign").indices == [0]
+    with vibes.Writer(tmp_path / "blind", spec=spec(size=None)) as writer:
+        with pytest.raises(vibes.Error, match="pixels, of which this recording's spec says nothing; name their size there, or leave them out"):
+            writer.write(**good)
     for wrong, words in [({"size": 0}, "picture side"), ({"action_low": []}, "bounds"), ({"pixels": 3}, "known are"), ({"control_timestep": -1}, "timestep"), ({"action_low": [-np.inf, -1]}, "bounds")]:
         with pytest.raises(vibes.Error, match=words):
             vibes.Writer(tmp_path / "wrong", spec=spec(**wrong))

@@ -58,6 +58,7 @@ class Recording:
     def manifest(self) -> dict[str, Any]: ...
     def indices(self) -> list[int]: ...
     def episode(self, index: int) -> Episode: ...
+    def trajectories(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]: ...
 
 @final
 class Episode:
@@ -123,7 +124,8 @@ class Table:
     def probes(
         self,
         quantities: dict[str, tuple[NDArray[np.float64], bool, str]],
-        fit: tuple[Table, dict[str, tuple[NDArray[np.float64], bool, str]]] | None,
+        views: tuple[NDArray[np.int64], NDArray[np.int64]] | None,
+        fit: tuple[Table, dict[str, tuple[NDArray[np.float64], bool, str]], tuple[NDArray[np.int64], NDArray[np.int64]] | None] | None,
         folds: int,
         neighbours: int,
         seed: int,

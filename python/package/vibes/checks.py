@@ -79,12 +79,15 @@ def checked_options(options: Any, known: Iterable[str]) -> dict[str, Any]:
 
 
 def checked_array(what: str, values: Any, right: str, dtype: DTypeLike | None = None) -> NDArray[Any]:
-    """Numbers of any shape as an array; ``right`` says what would be right where they are none."""
+    """Numbers of any shape as an array, row after row in memory; ``right`` says what would be right where they are none.
+
+    numpy lays them out so before the extension copies them, because it gives the interpreter's lock away while it does and the extension's copy holds it.
+    """
     try:
         array = np.asarray(values)
         # Text that could be read as numbers, times and complex numbers are mistakes.
         if array.dtype.kind not in "cmMSU":
-            return np.asarray(array, dtype)
+            return np.asarray(array, dtype, order="C")
     except Exception as error:
         # Rows of different lengths; a tensor that needs a gradient or lies on another device. Whoever made it says best what is the matter.
         raise _vibes.Error(f"{what} that numpy cannot read ({error}); right is {right}") from error

@@ -22,7 +22,8 @@ class DmEnvironment(dm_env.Environment):
     def __init__(self, task: str = "reacher-easy", *, observation: str = "pixels", **options: Any) -> None:
         self.world = open_world(observation, None, {"task": task, **options})
         self._kind = observation
-        self._draw = observation != "state"
+        self._draw = self.observes_pictures = observation != "state"
+        """Whether observations have pictures."""
         self._is_over = True
 
     def reset(self) -> dm_env.TimeStep:

@@ -47,10 +47,12 @@ class Environment(gymnasium.Env[Any, Any]):
         self.observation_space = observation_space(self.world, observation)
         self.action_space: spaces.Space[Any] = action_space(self.world)
         spec = self.world.spec
-        self.metadata = self.metadata | {"render_fps": round(1 / (spec["control_timestep"] * spec["action_repeat"]))}
+        self.metadata = self.metadata | {"render_fps": max(1, round(1 / (spec["control_timestep"] * spec["action_repeat"])))}
         self._kind = observation
         self._draw = self.observes_pictures = observation != "state"
         """Whether observations have pictures."""
+        self._taken: list[tuple[NDArray[np.float32], float]] | None = None
+        """Actions of this episode with their rewards, for a Writer that plays it through whatever is wrapped around the environment."""
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begins the next episode; with ``seed`` episode 0 of a recording of that seed.
@@ -67,15 +69,18 @@ class Environment(gymnasium.Env[Any, Any]):
         options = checked_options(options, ("episode", "state", "distractor"))
         if "distractor" in options and "state" not in options or "episode" in options and "state" in options:
             raise _vibes.Error(f"reset options {sorted(options)}; right is an episode alone, or a state with or without its distractor")
-        if seed is not None:
-            self.world.seek(0, seed=seed)
-        if "episode" in options:
-            self.world.seek(checked_number(options["episode"], "the episode"))
-        if "state" in options:
-            state = checked_number(options["state"], "the state trajectory")
-            rows = self.world.reset_to([(self.world.seed, state, options.get("distractor", state))], draw=self._draw)
-        else:
-            rows = self.world.reset(draw=self._draw)
+        with self.world._unless_refused():
+            if seed is not None:
+                self.world.seek(0, seed=seed)
+            if "episode" in options:
+                self.world.seek(checked_number(options["episode"], "the episode"))
+            if "state" in options:
+                state = checked_number(options["state"], "the state trajectory")
+                rows = self.world.reset_to([(self.world.seed, state, options.get("distractor", state))], draw=self._draw)
+            else:
+                rows = self.world.reset(draw=self._draw)
+        if self._taken is not None:
+            self._taken = []
         return self._observation(rows), {"episode_number": int(self.world.episodes[0])}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -84,8 +89,13 @@ class Environment(gymnasium.Env[Any, Any]):
         Returns:
             The observation, the reward summed over the repeat, terminated (never), truncated (after 1000 control steps), ``{}``.
         """
-        rows = self.world.step(checked_shape("action", action, (self.world.action_size,))[None], draw=self._draw)
-        return self._observation(rows), float(rows["reward"][0]), False, bool(rows["is_last"][0]), {}
+        numbers = checked_shape("action", action, (self.world.action_size,))
+        rows = self.world.step(numbers[None], draw=self._draw)
+        reward = float(rows["reward"][0])
+        if self._taken is not None:
+            # A copy, since a policy may write its next action into the same array.
+            self._taken.append((numbers.copy(), reward))
+        return self._observation(rows), reward, False, bool(rows["is_last"][0]), {}
 
     def render(self) -> NDArray[np.uint8] | None:
         """The present picture, uint8 ``[size, size, 3]``; None unless made with ``render_mode="rgb_array"``."""

@@ -11,6 +11,7 @@ distractor trajectories (not a number where there are too few to say), mostly wi
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,7 +36,7 @@ class Table:
         state, distractor: ``[rows]`` each, the row's cell in the grid; left out, or -1 in rows that have none.
 
     Raises:
-        vibes.Error: columns of other lengths, no rows, a value that is not finite.
+        vibes.Error: columns of other lengths, no rows, a value that is not finite, two rows of one episode and step.
     """
 
     def __init__(
@@ -52,8 +53,12 @@ class Table:
         if self.latents.ndim != 2:
             raise _vibes.Error(f"latents of shape {self.latents.shape}; right is [rows, dims]")
         keys: dict[str, Any]
+        self._recording = recording
         if recording is not None:
             keys = row_keys(recording)
+            if len(keys["step"]) != len(self.latents):
+                there = f"the recording has {len(keys['step'])} ({len(recording)} episodes, each with its T + 1 rows)"
+                raise _vibes.Error(f"latents of {len(self.latents)} rows; {there}: {recording.path}")
         elif episode is not None and step is not None:
             keys = {"episode": episode, "step": step, "state": state, "distractor": distractor}
         else:
@@ -66,6 +71,19 @@ class Table:
 
     def __len__(self) -> int:
         return len(self.latents)
+
+    @cached_property
+    def _views(self) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+        """The state and distractor trajectory of every row where episodes of the recording are views of one state trajectory without cells, as
+        ``vibes-collect merge`` leaves them. Asked for by the probes alone, because every episode's actions are read for it."""
+        if self._recording is None:
+            return None
+        entries = self._recording.manifest["episodes"]
+        if all(entry["cell"] for entry in entries):
+            return None
+        rows = [entry["steps"] + 1 for entry in entries]
+        state, distractor = (np.repeat(numbers, rows) for numbers in self._recording._native.trajectories())
+        return state, distractor
 
 
 def row_keys(recording: Recording) -> dict[str, Any]:
@@ -193,6 +211,8 @@ def probes(
 ) -> list[Numbers]:
     """What can be read from the latents, by a linear probe and a k-nearest-neighbours one, judged on trajectories they have not seen.
 
+    Episodes without cells that took the same actions are views of one state trajectory, in a table of a recording (``recording=``): they are held out together.
+
     Args:
         table: the latents.
         quantities: values ``[rows]`` by name. Floats are numbers, scored by R²; whole numbers and booleans are classes, scored by accuracy.
@@ -213,8 +233,8 @@ def probes(
     fitted = None
     if fit_on is not None:
         other, theirs = fit_on
-        fitted = (other._native, {str(name): quantity(str(name), values, hold_out.get(name, "state")) for name, values in theirs.items()})
-    return table._native.probes(read, fitted, checked_number(folds, "folds"), checked_number(k, "k"), checked_seed(seed))
+        fitted = (other._native, {str(name): quantity(str(name), values, hold_out.get(name, "state")) for name, values in theirs.items()}, other._views)
+    return table._native.probes(read, table._views, fitted, checked_number(folds, "folds"), checked_number(k, "k"), checked_seed(seed))
 
 
 def quantity(name: str, values: ArrayLike, hold_out: str) -> tuple[NDArray[np.float64], bool, str]:

@@ -7,6 +7,7 @@ actions ``[action]`` in the task's own units.
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -92,7 +93,13 @@ class Model:
         return self._native.encode(seen, before)
 
     def encode_recording(self, recording: Recording) -> NDArray[np.float32]:
-        """Latents of every row of a recording, episode after episode: ``[rows, latent]``, as ``vibes.measures.Table`` takes them."""
+        """Latents of every row of a recording, episode after episode: ``[rows, latent]``, as ``vibes.measures.Table`` takes them.
+
+        Warns of a recording of another task than the model was trained on: where pictures and actions have the same sizes it can be encoded, too.
+        """
+        if recording.task != self.task:
+            told = f"a recording of {recording.task}, and a model that was trained on {self.task}; latents of another task say little: {recording.path}"
+            warnings.warn(told, stacklevel=2)
         return np.concatenate([self.encode(episode) for episode in recording])
 
     def begin(self, seed: int = 0) -> None:

@@ -24,6 +24,9 @@ observation]``, ``action`` and ``previous_action`` float32 ``[batch, time, actio
 before it; zeros where ``is_first``), ``reward`` float32 ``[batch, time]`` (what the row's action earned, summed over the action repeat), ``is_first``
 bool ``[batch, time]``, and ``episode`` and ``step`` int64 ``[batch]``: where each window begins."""
 
+Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
+"""The path of one recording, or of several."""
+
 
 def open(path: str | os.PathLike[str]) -> Recording:  # noqa: A001 - what users of recordings look for
     """Opens a recording. One that is still growing, or was killed, opens with its finished episodes.
@@ -37,7 +40,9 @@ def open(path: str | os.PathLike[str]) -> Recording:  # noqa: A001 - what users 
 class Episode:
     """One episode of T actions. Row t holds the observation, the action taken there and the reward that action earned; row T has no action.
 
-    Arrays are read-only. Those that the file holds as they are share its memory-mapped pages; ``camera``, ``video`` and ``frame`` are made.
+    Arrays are read-only. Those that the file holds as they are share its memory-mapped pages; ``camera``, ``video`` and ``frame`` are made. numpy refuses
+    to write to them, but PyTorch does not ask: ``torch.from_numpy(episode.reward)`` warns, and changing that tensor in place ends the process. Take a
+    copy to write to, as ``torch.tensor(episode.reward)`` makes one.
     """
 
     def __init__(self, native: _vibes.Episode) -> None:
@@ -98,7 +103,7 @@ class Episode:
 
     @cached_property
     def pixels(self) -> NDArray[np.uint8]:
-        """``[T + 1, height, width, 3]``, RGB."""
+        """``[T + 1, height, width, 3]``, RGB: the file's pages, read-only; copy what is to be changed."""
         return self._column("pixels")
 
     @cached_property
@@ -195,8 +200,8 @@ class Recording(Sequence[Episode]):
         return f"<vibes.Recording of {len(self)} episodes of {self.task}: {self.path}>"
 
 
-def windows(paths: Sequence[str | os.PathLike[str]], *, length: int = 32, batch: int = 16, seed: int = 0) -> Windows:
-    """Windows from several recordings of one spec, every window of every recording equally likely; see :class:`Windows`."""
+def windows(paths: Paths, *, length: int = 32, batch: int = 16, seed: int = 0) -> Windows:
+    """Windows from one recording or several of one spec, every window of every recording equally likely; see :class:`Windows`."""
     return Windows(paths, length=length, batch=batch, seed=seed)
 
 
@@ -207,7 +212,7 @@ class Windows:
     ``torch.utils.data.DataLoader(windows, batch_size=None, sampler=range(updates))`` workers gather ahead.
 
     Args:
-        paths: recordings of one spec.
+        paths: recordings of one spec; the path of one, or several.
         length: rows a window, ``time``.
         batch: windows a batch.
         seed: of the training run.
@@ -216,8 +221,8 @@ class Windows:
         vibes.Error: no episode is that long, recordings of other shapes, more than memory holds.
     """
 
-    def __init__(self, paths: Sequence[str | os.PathLike[str]], *, length: int = 32, batch: int = 16, seed: int = 0) -> None:
-        self._paths = [os.fspath(path) for path in paths]
+    def __init__(self, paths: Paths, *, length: int = 32, batch: int = 16, seed: int = 0) -> None:
+        self._paths = one_or_more(paths)
         sizes = checked_number(length, "length"), checked_number(batch, "batch")
         self._native = _vibes.Windows([_vibes.Recording(path) for path in self._paths], *sizes)
         self.length, self.batch, self.seed = int(length), int(batch), checked_seed(seed)
@@ -248,12 +253,12 @@ class WindowDataset:
     """Every window by its number, ``[time, …]`` each: what ``torch.utils.data.DataLoader(dataset, batch_size=16, shuffle=True)`` takes as it is.
 
     Args:
-        paths: recordings of one spec.
+        paths: recordings of one spec; the path of one, or several.
         length: rows a window, ``time``.
     """
 
-    def __init__(self, paths: Sequence[str | os.PathLike[str]], *, length: int = 32) -> None:
-        self._paths = [os.fspath(path) for path in paths]
+    def __init__(self, paths: Paths, *, length: int = 32) -> None:
+        self._paths = one_or_more(paths)
         self._native = _vibes.Windows([_vibes.Recording(path) for path in self._paths], checked_number(length, "length"), 1)
         self.length = int(length)
 
@@ -266,6 +271,10 @@ class WindowDataset:
         rows = batch_first(self._native.numbered(int(number) % len(self)))
         return {name: values[0] for name, values in rows.items()}
 
+    def release(self) -> None:
+        """Gives the memory of the pages seen so far back to the system until they are looked at again."""
+        self._native.release()
+
     def __reduce__(self) -> Any:
         return _dataset_again, (self._paths, self.length)
 
@@ -276,6 +285,12 @@ def _windows_again(paths: list[str], length: int, batch: int, seed: int) -> Wind
 
 def _dataset_again(paths: list[str], length: int) -> WindowDataset:
     return WindowDataset(paths, length=length)
+
+
+def one_or_more(paths: Paths) -> list[str]:
+    """Paths one by one, from the path of one recording or from several."""
+    several: Sequence[str | os.PathLike[str]] = [paths] if isinstance(paths, (str, os.PathLike)) else paths
+    return [os.fspath(path) for path in several]
 
 
 def batch_first(rows: Batch) -> Batch:

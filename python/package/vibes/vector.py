@@ -14,8 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from . import _vibes
-from .checks import checked_choice, checked_options, checked_seed
+from .checks import checked_choice, checked_options
 from .environment import action_space, observation_space
 from .world import open_world
 
@@ -44,7 +43,8 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._kind = observation
-        self._draw = observation != "state"
+        self._draw = self.observes_pictures = observation != "state"
+        """Whether observations have pictures."""
         self._over = np.zeros(num_envs, bool)
 
     def reset(
@@ -53,7 +53,8 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         """Begins the next episode of every environment.
 
         Args:
-            seed: of the recording whose episodes 0, 1, … the environments begin with; or one seed for each, whose episode 0 it begins with.
+            seed: of the recording whose episodes 0, 1, … the environments begin with, and which they go on with together. Or one seed for each, of a
+                recording that it goes through by itself from its episode 0 on; where it is None an environment goes on as it is.
             options: ``{"reset_mask": [environments]}`` resets only some.
 
         Returns:
@@ -61,16 +62,10 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         """
         options = checked_options(options, ("reset_mask",))
         mask = checked_choice("reset_mask", options.get("reset_mask"), self.num_envs)
-        if seed is None or not isinstance(seed, Iterable):
+        with self.world._unless_refused():
             if seed is not None:
-                self.world.seek(0, seed=checked_seed(seed))
+                self.world.seek(0, seed=of_chosen(seed, mask))
             rows = self.world.reset(mask, draw=self._draw)
-        else:
-            seeds = [self.world.seed if value is None else checked_seed(value) for value in seed]
-            if len(seeds) != self.num_envs:
-                raise _vibes.Error(f"{len(seeds)} seeds for {self.num_envs} environments; give one seed, or one for each")
-            keys = [(value, 0, 0) if chosen else None for value, chosen in zip(seeds, mask)]
-            rows = self.world.reset_to(keys, draw=self._draw)
         self._over[mask] = False
         return self._observation(rows), {"episode_number": self.world.episodes}
 
@@ -98,3 +93,11 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         if self._kind == "both":
             return {"pixels": rows["pixels"], "state": rows["state"]}
         return rows[self._kind]
+
+
+def of_chosen(seed: Any, chosen: NDArray[np.bool_]) -> Any:
+    """Of seeds for each environment those of the chosen ones; anything else as it is."""
+    if not isinstance(seed, Iterable) or isinstance(seed, (str, bytes)):
+        return seed
+    seeds = list(seed)
+    return [value if begins else None for value, begins in zip(seeds, chosen)] if len(seeds) == len(chosen) else seeds

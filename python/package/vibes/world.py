@@ -10,7 +10,8 @@ import contextlib
 import importlib.util
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,6 +29,43 @@ float64 ``[environments]`` (summed over the action repeat), ``is_last`` bool ``[
 
 EpisodeKey = tuple[int, int, int]
 """Which episode: the recording's seed, its state trajectory, its distractor trajectory."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Which episodes come next: for every environment the seed of its recording, the number of its next episode, and by how many it goes on from there.
+
+    Never changed but replaced, so that a call that is refused leaves the course that was there before.
+    """
+
+    seed: int
+    """The world's own."""
+    seeds: tuple[int, ...]
+    numbers: tuple[int, ...]
+    strides: tuple[int, ...]
+
+    @staticmethod
+    def of(seed: int, numbers: Sequence[int]) -> Course:
+        """All environments share out the episodes of one recording."""
+        count = len(numbers)
+        return Course(seed, (seed,) * count, tuple(numbers), (count,) * count)
+
+    def with_own(self, first: int, seeds: Sequence[int | None]) -> Course:
+        """Environments that are given a seed go through a recording of their own from its episode ``first`` on; the others go on as they are."""
+        given = [seed is not None for seed in seeds]
+        return Course(
+            self.seed,
+            tuple(old if seed is None else seed for old, seed in zip(self.seeds, seeds)),
+            tuple(first if own else old for old, own in zip(self.numbers, given)),
+            tuple(1 if own else old for old, own in zip(self.strides, given)),
+        )
+
+    def ahead(self, chosen: NDArray[np.bool_]) -> tuple[list[EpisodeKey | None], Course]:
+        """The next episodes of the chosen environments, and the course once they have begun."""
+        now = zip(self.seeds, self.numbers, chosen)
+        keys = [(seed, checked_number(number, "the episode"), number) if begins else None for seed, number, begins in now]
+        moved = zip(self.numbers, self.strides, chosen)
+        return keys, Course(self.seed, self.seeds, tuple(number + stride * int(begins) for number, stride, begins in moved), self.strides)
 
 
 class World:
@@ -97,13 +135,18 @@ class World:
             "raw_torques": bool(raw_torques),
             "axis_seeds": {name: checked_seed(value, f"{name}_seed") for name, value in axes.items() if value is not None},
         }
-        self.seed = checked_seed(seed)
+        own_seed = checked_seed(seed)
         self._native = _vibes.World(options, environments, None if threads is None else checked_whole(threads, "threads"))
         self._environments = environments
         self._begun = np.full(environments, -1, np.int64)
-        self._next = list(range(environments))
+        self._course = Course.of(own_seed, range(environments))
         self.spec: dict[str, Any] = self._native.spec()
         """The shape of a row: task, ``action`` bounds, parts of the ``observation``, ``control_timestep`` in seconds, ``action_repeat``."""
+
+    @property
+    def seed(self) -> int:
+        """Of the recording whose episodes are played; ``seek`` goes to another."""
+        return self._course.seed
 
     @property
     def environments(self) -> int:
@@ -146,13 +189,23 @@ class World:
         """Numbers in the vector observation."""
         return sum(part["len"] for part in self.spec["observation"])
 
-    def seek(self, first: int = 0, *, seed: int | None = None) -> None:
-        """The next ``reset`` begins with episode ``first`` (environment ``i`` with ``first + i``), of a recording of ``seed`` if it is given."""
+    def seek(self, first: int = 0, *, seed: int | Sequence[int | None] | None = None) -> None:
+        """The next ``reset`` begins with episode ``first`` (environment ``i`` with ``first + i``), of a recording of ``seed`` if it is given.
+
+        Args:
+            first: the episode.
+            seed: of the recording; the world's own unless given. Or one for each environment, which then plays ``first``, ``first + 1``, … of a
+                recording of that seed by itself; where it is None an environment goes on as it is.
+        """
         first = checked_number(first, "first")
-        following = [checked_number(first + i, "the episode") for i in range(self._environments)]
-        if seed is not None:
-            self.seed = checked_seed(seed)
-        self._next = following
+        if isinstance(seed, Iterable) and not isinstance(seed, (str, bytes)):
+            seeds = [None if value is None else checked_seed(value) for value in seed]
+            if len(seeds) != self._environments:
+                raise _vibes.Error(f"{len(seeds)} seeds for {self._environments} environments; give one seed, or one for each")
+            self._course = self._course.with_own(first, seeds)
+        else:
+            following = [checked_number(first + i, "the episode") for i in range(self._environments)]
+            self._course = Course.of(self.seed if seed is None else checked_seed(seed), following)
 
     def reset(self, which: Sequence[bool] | NDArray[np.bool_] | None = None, *, draw: bool = True) -> Rows:
         """Begins the next episode of every environment, or of those of ``which`` ``[environments]``.
@@ -161,7 +214,10 @@ class World:
             which: the environments; all unless given.
             draw: whether pictures are drawn; without, the rows have no ``pixels``.
         """
-        return self._native.reset(self._advance(checked_choice("which", which, self._environments)), bool(draw))
+        keys, course = self._course.ahead(checked_choice("which", which, self._environments))
+        rows = self._native.reset(keys, bool(draw))
+        self._have_begun(keys, course)
+        return rows
 
     def reset_to(self, keys: Sequence[EpisodeKey | None], *, draw: bool = True) -> Rows:
         """Begins given episodes, one of (seed, state trajectory, distractor trajectory) for every environment, or None for those that go on.
@@ -178,9 +234,7 @@ class World:
             raise _vibes.Error(f"keys {keys!r}; right is {right}")
         checked = [None if key is None else checked_key(key) for key in asked]
         rows = self._native.reset(checked, bool(draw))
-        for i, key in enumerate(checked):
-            if key is not None:
-                self._begun[i] = key[1]
+        self._have_begun(checked, self._course)
         return rows
 
     def step(self, actions: ArrayLike, reset: NDArray[np.bool_] | None = None, *, draw: bool = True) -> Rows:
@@ -196,20 +250,25 @@ class World:
         """
         numbers = checked_shape("actions", actions, (self._environments, self.action_size))
         chosen = None if reset is None else checked_choice("reset", reset, self._environments)
-        keys = None if chosen is None or not chosen.any() else self._advance(chosen)
-        return self._native.step(numbers, keys, bool(draw))
+        if chosen is None or not chosen.any():
+            return self._native.step(numbers, None, bool(draw))
+        keys, course = self._course.ahead(chosen)
+        rows = self._native.step(numbers, keys, bool(draw))
+        self._have_begun(keys, course)
+        return rows
 
     def pictures(self) -> NDArray[np.uint8] | None:
         """The present pictures, ``[environments, size, size, 3]``; None of a world without pictures."""
         return self._native.pictures()
 
-    def keep(self, writer: Writer | None, *, acts_by_pictures: bool = False) -> None:
+    def keep(self, writer: Writer | None, *, acts_by_pictures: bool | None = None) -> None:
         """Keeps every episode that begins from now on and is played to its end in ``writer``'s recording; None stops that.
 
         Args:
             writer: of this world, or None.
             acts_by_pictures: whether actions are chosen by what the distractor trajectory of the state trajectory's own number shows; the recording
-                then names it as its acting distractor.
+                then names it as its acting distractor. Unless given it is so where the writer's environment observes pictures and its recording is no
+                grid: an episode then has one number for both.
         """
         if writer is None:
             self._native.stop_keeping()
@@ -217,20 +276,27 @@ class World:
         native = getattr(writer, "_native", None)
         if not isinstance(native, _vibes.Writer):
             raise _vibes.Error(f"writer {writer!r}; right is a vibes.Writer, or None")
-        native.keep(self._native, bool(acts_by_pictures))
+        native.keep(self._native, writer._sees_pictures if acts_by_pictures is None else bool(acts_by_pictures))
 
     def close(self) -> None:
         """Ends the threads and frees their memory; using the world afterwards raises."""
         self._native.close()
 
-    def _advance(self, chosen: NDArray[np.bool_]) -> list[EpisodeKey | None]:
-        keys: list[EpisodeKey | None] = [None] * self._environments
-        for i in np.flatnonzero(chosen):
-            number = checked_number(self._next[i], "the episode")
-            keys[i] = (self.seed, number, number)
-            self._begun[i] = number
-            self._next[i] = number + self._environments
-        return keys
+    @contextlib.contextmanager
+    def _unless_refused(self) -> Iterator[None]:
+        """Keeps to the course from before where what is done inside is refused."""
+        before = self._course
+        try:
+            yield
+        except BaseException:
+            self._course = before
+            raise
+
+    def _have_begun(self, keys: Sequence[EpisodeKey | None], course: Course) -> None:
+        self._course = course
+        for i, key in enumerate(keys):
+            if key is not None:
+                self._begun[i] = key[1]
 
 
 def load_triton_first() -> None:

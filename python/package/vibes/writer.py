@@ -38,6 +38,10 @@ class Writer:
     pictures. ``record`` lets the policy act once for a state trajectory and draws its other cells; whoever steps an environment plays the cells of one
     row with the same actions (``env.reset(options={"state": i, "distractor": j})``).
 
+    Whatever is wrapped around the environment stays there: ``record`` plays through the wrappers, and what is kept are the actions that were executed, with
+    the environment's own observations and rewards. Outside a grid the recording says that pictures were acted by (``acting_distractor``) where the
+    environment's observations have some.
+
     Without an environment, ``spec`` says what a row holds, and ``write`` takes whole episodes::
 
         spec = {"task": "mine", "action_low": [-1], "action_high": [1], "observation": {"position": 3}, "size": 64, "control_timestep": 0.02}
@@ -70,6 +74,8 @@ class Writer:
         self._env = env
         self._grid = None if grid is None else checked_grid(grid)
         self._world = None if env is None else world_of(env)
+        self._sees_pictures = self._world is not None and self._grid is None and observes_pictures(env)
+        """Whether actions are chosen by pictures, unless somebody says otherwise. In a grid only ``record`` knows under which distractor they are."""
         if self._world is not None:
             self._native = _vibes.Writer.of_world(path, self._world._native, self._world.seed, bool(mcap), self._grid)
             self._world.keep(self)
@@ -97,26 +103,29 @@ class Writer:
         return number
 
     def record(self, policy: Callable[[Any], ArrayLike], episodes: int | None = None) -> list[float]:
-        """Plays and keeps whole episodes of an environment from ``make``, from the first number that is free; returns their returns.
+        """Plays and keeps whole episodes of an environment from ``make``, from the first number that is free; returns their returns, as they are kept.
 
         In a grid an episode is a state trajectory with all its cells. A policy that sees pictures acts under the distractor trajectory of the same
-        number, as ``vibes-collect`` lets it, and the actions are played again under the others.
+        number, as ``vibes-collect`` lets it, and the actions that were executed are played again under the others.
 
         Args:
-            policy: from an observation, as the environment gives it, to an action ``[action]``.
+            policy: from an observation to an action ``[action]``, both as the environment has them with whatever is wrapped around it.
             episodes: how many; 1 unless given, in a grid all that are not there yet.
+
+        Raises:
+            vibes.Error: an environment that is none of ``make``'s, or a wrapper that ends episodes early: a recording keeps whole ones.
         """
-        env = getattr(self._env, "unwrapped", None)
-        if env is None or not hasattr(env, "action_space") or self._world is None or self._world.environments != 1:
+        inner = getattr(self._env, "unwrapped", None)
+        if self._world is None or not hasattr(inner, "_taken"):
             raise _vibes.Error("record plays an environment from vibes.make; others are kept while they are stepped")
         episodes = None if episodes is None else checked_number(episodes, "episodes")
         try:
             if self._grid is not None:
                 rows = [row for row in range(self._grid[0]) if self._missing(row)]
-                return [self._record_row(env, policy, row) for row in rows[:episodes]]
-            self._keep(env)
+                return [self._record_row(inner, policy, row) for row in rows[:episodes]]
+            self._keep(inner)
             count = range(1 if episodes is None else episodes)
-            return [played(env, policy, {"episode": self.next_episode()})[0] for _ in count]
+            return [played(self._env, policy, {"episode": self.next_episode()})[0] for _ in count]
         finally:
             self._world.keep(self)
 
@@ -167,11 +176,11 @@ class Writer:
         columns = 0 if self._grid is None else self._grid[1]
         return [column for column in range(columns) if not self._native.has(row, column)]
 
-    def _keep(self, env: Any) -> None:
+    def _keep(self, inner: Any) -> None:
         assert self._world is not None
-        self._world.keep(self, acts_by_pictures=env.observes_pictures)
+        self._world.keep(self, acts_by_pictures=inner.observes_pictures)
 
-    def _record_row(self, env: Any, policy: Callable[[Any], ArrayLike], row: int) -> float:
+    def _record_row(self, inner: Any, policy: Callable[[Any], ArrayLike], row: int) -> float:
         """One state trajectory under every distractor trajectory that is missing: acted once, or as its other cells say."""
         assert self._world is not None
         missing = self._missing(row)
@@ -182,12 +191,11 @@ class Writer:
             earned = 0.0
         else:
             # Kept where the column of the row's own number is in the grid.
-            self._keep(env) if row < columns else self._world.keep(None)
-            earned, actions = played(env, policy, {"state": row, "distractor": row})
-        self._keep(env)
+            self._keep(inner) if row < columns else self._world.keep(None)
+            earned, actions = played(self._env, policy, {"state": row, "distractor": row})
+        self._keep(inner)
         for column in self._missing(row):
-            again = iter(actions)
-            earned, _ = played(env, lambda _: next(again), {"state": row, "distractor": column})
+            earned = replayed(inner, actions, {"state": row, "distractor": column})
         return earned
 
     def close(self) -> None:
@@ -208,16 +216,37 @@ class Writer:
 
 
 def played(env: Any, policy: Callable[[Any], ArrayLike], options: dict[str, int]) -> tuple[float, list[NDArray[np.float32]]]:
-    """Plays the episode that the options of a reset name to its end: its return and its actions."""
-    observation, _ = env.reset(options=options)
-    total, is_over = 0.0, False
-    actions: list[NDArray[np.float32]] = []
-    while not is_over:
-        # A copy, since a policy may write its next action into the same array.
-        actions.append(np.array(checked_array("the policy's action", policy(observation), "numbers [action]", np.float32)))
-        observation, reward, terminated, truncated, _ = env.step(actions[-1])
-        total, is_over = total + reward, terminated or truncated
-    return float(total), actions
+    """Plays the episode that the options of a reset name to its end, through whatever is wrapped around the environment: the return and the actions
+    that the environment inside has, which a recording keeps."""
+    inner = env.unwrapped
+    inner._taken = []
+    try:
+        observation, _ = env.reset(options=options)
+        is_over = False
+        while not is_over:
+            observation, _, terminated, truncated, _ = env.step(policy(observation))
+            is_over = terminated or truncated
+        taken = inner._taken
+    finally:
+        inner._taken = None
+    if len(taken) < inner.world.episode_steps:
+        raise _vibes.Error(
+            f"{type(env).__name__} ended an episode after {len(taken)} of {inner.world.episode_steps} steps; a recording keeps whole ones, so take off "
+            "the wrapper that ends them"
+        )
+    return sum(reward for _, reward in taken), [action for action, _ in taken]
+
+
+def replayed(inner: Any, actions: list[NDArray[np.float32]], options: dict[str, int]) -> float:
+    """Plays the episode that the options of a reset name with these actions of the environment's own: its return."""
+    inner.reset(options=options)
+    return sum(inner.step(action)[1] for action in actions)
+
+
+def observes_pictures(env: Any) -> bool:
+    """Whether whoever acts in this environment is shown pictures: a world's rows have them wherever it draws, others say it."""
+    said = getattr(getattr(env, "unwrapped", env), "observes_pictures", None)
+    return world_of(env).spec["pixels"] is not None if said is None else bool(said)
 
 
 def pair(numbers: Any, what: str) -> tuple[int, int]:

@@ -152,7 +152,15 @@ fn may_keep(keeper: &Keeper, key: EpisodeKey) -> Result<(u32, Option<Cell>), Str
     }
     let (index, cell) = keeper.place(state, distractor)?;
     if keeper.writer.has(index) {
-        return Err(format!("episode {index} is in the recording already; begin another"));
+        return Err(match cell {
+            Some(_) => {
+                format!("state {state} under distractor {distractor} is in the recording already; begin another cell")
+            }
+            None => format!(
+                "episode {index} is in the recording already; begin another (env.world.seek(writer.next_episode()) goes to \
+                 the first that is not there)"
+            ),
+        });
     }
     Ok((index, cell))
 }
