@@ -26,6 +26,7 @@ mod online;
 mod online_progress;
 mod progress;
 mod sweep;
+mod videos;
 mod window_log;
 
 /// Fit VIBES and its ablations to recordings, and encode recordings into latents.
@@ -73,11 +74,13 @@ pub(crate) fn main() -> ExitCode {
     vibes_command::run(dispatch, judge)
 }
 
-/// How an error ends the program: options that cannot be are the caller's to mend, a folder that another process writes into will be free.
+/// How an error ends the program: options that cannot be are the caller's to mend, a folder that another process writes into will be free, and what was stopped goes on.
 fn judge(error: &anyhow::Error) -> Ending {
     match error.downcast_ref() {
         Some(TrainError::Options(_)) => Ending::Wrong,
-        Some(TrainError::Data(vibes_data::Error::Owned { .. })) => Ending::Again,
+        Some(TrainError::Data(vibes_data::Error::Owned { .. }) | TrainError::World(vibes_env::Error::Stopped)) => {
+            Ending::Again
+        }
         _ => Ending::Failed,
     }
 }

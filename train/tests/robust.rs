@@ -178,3 +178,26 @@ fn a_second_process_is_refused_with_the_owners_name_and_the_first_goes_on() {
     succeeds(command(VECTORS, 240, &run));
     assert_sound(&run, 3);
 }
+
+/// Of videos that no earlier run has made it says so, and it stops between two of their frames.
+#[test]
+fn it_stops_while_videos_are_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let (cache, run) = (folder.path().join("cache"), folder.path().join("run"));
+    let line = "online --task cartpole-swingup --preset tiny --size 24 --video-count 60";
+    let mut command = command(line, 20_000, &run);
+    command.env("XDG_CACHE_HOME", &cache).stdout(Stdio::null()).stderr(Stdio::piped());
+    let child = command.spawn().unwrap();
+    let videos = cache.join("vibes/videos");
+    let begun = Instant::now();
+    while std::fs::read_dir(&videos).map_or(0, Iterator::count) == 0 {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no video was begun");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let signalled = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
+    let output = child.wait_with_output().unwrap();
+    let said = text(&output);
+    assert!(signalled.success() && output.status.code() == Some(75), "{said}");
+    assert_eq!(said.matches("preparing 60 videos (once)").count(), 1, "{said}");
+    assert!(said.contains("stopped while background videos were made"), "{said}");
+}

@@ -20,6 +20,7 @@ use vibes_train::online::options::OnlineOptions;
 use super::Context;
 use super::device::DeviceArgs;
 use super::online_progress::{ended_under, on, protocol_of, under};
+use super::videos::make_videos;
 
 /// Time between lines.
 const EVERY: Duration = Duration::from_secs(15);
@@ -215,6 +216,7 @@ pub(crate) fn run(context: &Context, folder: &Folder, device: DeviceArgs) -> Res
         under(&options.online),
         options.updates_per_step
     ));
+    make_videos(context, &options.online.world, stop)?;
     let mut said: Option<Instant> = None;
     let end = model_free(folder, &device, &mut |event| {
         match &event {

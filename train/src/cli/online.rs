@@ -27,6 +27,7 @@ use super::device::DeviceArgs;
 use super::flags::OptionArgs;
 use super::model_free::{self, ModelFreeArgs};
 use super::online_progress::{OnlineProgress, ended_under, on_videos, protocol_of};
+use super::videos::make_videos;
 
 /// Where to begin.
 #[derive(Debug, Args)]
@@ -198,6 +199,7 @@ pub(crate) fn run(context: &Context, args: &OnlineArgs) -> Result<Ending> {
     let mut progress = OnlineProgress::new(context, &prepared.options);
     progress.describe(&prepared);
     let Prepared { run, options, given } = &prepared;
+    make_videos(context, &options.world, stop)?;
     let setup = Setup { run, options, given, device: &device };
     let end = online(&setup, &mut |event| {
         progress.show(&event);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use vibes_data::{Manifest, Spec, Video, followed_place};
 use vibes_env::distractors::Axes;
 use vibes_env::render::RenderSettings;
-use vibes_env::videos::{VideoLibrary, VideoSet, VideoSource};
+use vibes_env::videos::{GoOn, VideoLibrary, VideoSet, VideoSource};
 use vibes_env::{Environment, EnvironmentOptions, Eyes, Heading};
 
 use super::options::{OnlineOptions, WorldOptions};
@@ -48,11 +48,24 @@ impl WorldOptions {
     /// # Errors
     /// A folder holds too few videos, or one cannot be decoded.
     pub fn video_library(&self, set: VideoSet) -> Result<Arc<VideoLibrary>> {
+        self.library_while(set, &|_missing| true)
+    }
+
+    /// Makes the background videos of both sets where no earlier run has, which may take minutes, as long as `go_on` says yes; it is told how many of a set are missing.
+    ///
+    /// # Errors
+    /// As [`Self::video_library`]; [`vibes_env::Error::Stopped`] where `go_on` says no. What is made by then is kept.
+    pub fn make_videos(&self, go_on: GoOn<'_>) -> Result<()> {
+        [VideoSet::Train, VideoSet::Val].into_iter().try_for_each(|set| self.library_while(set, go_on).map(drop))
+    }
+
+    fn library_while(&self, set: VideoSet, go_on: GoOn<'_>) -> Result<Arc<VideoLibrary>> {
         let Some(pictures) = self.pictures().filter(|_| self.distractors.axes.background) else {
             return Ok(Arc::new(VideoLibrary::none()));
         };
         let names = self.videos.list(set, self.videos_of_a_set())?;
-        Ok(Arc::new(VideoLibrary::open(&self.videos, set, &names, pictures.look.sky_side(pictures.size))?))
+        let side = pictures.look.sky_side(pictures.size);
+        Ok(Arc::new(VideoLibrary::open_while(&self.videos, set, &names, side, go_on)?))
     }
 
     /// The names of the videos of a folder that are held out; none where nobody sees any, or the built-in ones are seen.
