@@ -79,7 +79,7 @@ impl Outcome {
         match figure.save(folder, stem) {
             Ok(files) => self.files.extend(files),
             Err(FigureError::Size { width, height, .. }) => {
-                let fact = format!("it would be {width:.0} by {height:.0} inches large");
+                let fact = format!("it would be {width:.0} by {height:.0} inches large (show less in one figure)");
                 self.leave_out(folder, stem, &fact);
             }
             Err(other) => return Err(other.into()),

@@ -154,7 +154,7 @@ pub fn given_in_words(steps: u64, is_from_run_file: bool) -> String {
     } else {
         ""
     };
-    format!("recordings of {steps} control steps{counted}")
+    format!("{steps} control steps of recordings and of runs before it{counted}")
 }
 
 /// The same from what lies on disk: of a run that was begun before it was kept, from its last evaluation.

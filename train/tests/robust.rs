@@ -198,6 +198,6 @@ fn it_stops_while_videos_are_made() {
     let output = child.wait_with_output().unwrap();
     let said = text(&output);
     assert!(signalled.success() && output.status.code() == Some(75), "{said}");
-    assert_eq!(said.matches("preparing 60 videos (once)").count(), 1, "{said}");
+    assert_eq!(said.matches("preparing 60 videos of the set train (once)").count(), 1, "{said}");
     assert!(said.contains("stopped while background videos were made"), "{said}");
 }

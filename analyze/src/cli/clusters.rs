@@ -124,9 +124,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
 /// The options as they go into outputs.
 fn about(method: Method, color: &[String]) -> Value {
     match method {
-        Method::KMeans { k } => json!({ "method": "kmeans", "k": k, "color": color }),
+        Method::KMeans { k } => json!({ "by": "kmeans", "clusters": k, "color": color }),
         Method::Dbscan { min_points, reach } => {
-            json!({ "method": "dbscan", "min_points": min_points, "reach": reach, "color": color })
+            json!({ "by": "dbscan", "min_points": min_points, "reach": reach, "color": color })
         }
     }
 }

@@ -113,7 +113,10 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         }
     }
     let bars = draw(&session, &rows, &agreement);
-    if !bars.groups.is_empty() {
+    if bars.groups.is_empty() {
+        let out = session.out.clone();
+        session.outcome.leave_out(&out, "compare", "there is nothing to compare in it");
+    } else {
         session.save(&Figure::Bars(bars), "compare")?;
     }
     let tables: Vec<Value> =

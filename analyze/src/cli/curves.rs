@@ -117,7 +117,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     outcome.json = document;
     outcome.remarks = remarks(&runs, &metrics, &curves);
     // Behind the numbers: figures of very many runs are too large to draw.
-    if !curves.is_empty() {
+    if curves.is_empty() {
+        outcome.leave_out(&out, "curves", "no metric has a curve");
+    } else {
         outcome.save(&Figure::Curves(figure(heading(title), &runs, &names, &curves)), &out, "curves")?;
     }
     outcome.save(&Figure::Table(table), &out, "curves-table")?;

@@ -75,7 +75,7 @@ fn groups_without_task_quantities_have_a_row_each() {
     let rows: Vec<usize> = rows.collect::<Option<_>>().expect("numbers of rows");
     assert_eq!((rows.len(), rows.iter().sum::<usize>()), (3, 620), "{table}");
     let options = &json(&out.path().join("clusters.json"))["about"]["options"];
-    assert_eq!((options["method"].as_str(), options["k"].as_u64()), (Some("kmeans"), Some(3)), "{options}");
+    assert_eq!((options["by"].as_str(), options["clusters"].as_u64()), (Some("kmeans"), Some(3)), "{options}");
 }
 
 #[test]

@@ -353,7 +353,7 @@ impl<'a> Said<'a> {
         let protocol = self.protocol.map_or_else(String::new, |name| format!(", under {name} (videos {videos})"));
         let given = self.given_control_steps.map_or_else(String::new, |steps| {
             let gone = if self.given_from.is_some() { ", every view of those that are gone counted" } else { "" };
-            format!(", by a run that began with recordings of {steps} control steps{gone}")
+            format!(", by a run that began with {steps} control steps of recordings and of runs before it{gone}")
         });
         protocol + &given
     }
@@ -385,7 +385,7 @@ mod tests {
         let said = Said::of(&recording, folder.path(), (whole, &home), 1.0);
         let line = said.in_words(&recording);
         assert!(line.contains(", under dcs-easy-dynamic-500k (videos procedural), by a run that began with"), "{line}");
-        assert!(line.contains("recordings of 1500000 control steps, every view"), "{line}");
+        assert!(line.contains("1500000 control steps of recordings and of runs before it, every view"), "{line}");
         let json = serde_json::to_value(&said).unwrap();
         assert_eq!(json["protocol"], "dcs-easy-dynamic-500k");
         assert_eq!((&json["given_control_steps"], &json["given_from"]), (&1_500_000.into(), &"run.json".into()));

@@ -97,7 +97,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
 
 def of_chosen(seed: Any, chosen: NDArray[np.bool_]) -> Any:
     """Of seeds for each environment those of the chosen ones; anything else as it is."""
-    if not isinstance(seed, Iterable) or isinstance(seed, (str, bytes)):
+    if not isinstance(seed, Iterable) or isinstance(seed, (str, bytes)) or np.ndim(seed) == 0:
         return seed
     seeds = list(seed)
     return [value if begins else None for value, begins in zip(seeds, chosen)] if len(seeds) == len(chosen) else seeds

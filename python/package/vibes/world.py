@@ -145,7 +145,8 @@ class World:
 
     @property
     def seed(self) -> int:
-        """Of the recording whose episodes are played; ``seek`` goes to another."""
+        """The world's own: of the recording that its environments share out; ``seek`` goes to another. Environments that were given seeds of their own do not
+        play it."""
         return self._course.seed
 
     @property
@@ -198,7 +199,7 @@ class World:
                 recording of that seed by itself; where it is None an environment goes on as it is.
         """
         first = checked_number(first, "first")
-        if isinstance(seed, Iterable) and not isinstance(seed, (str, bytes)):
+        if isinstance(seed, Iterable) and not isinstance(seed, (str, bytes)) and np.ndim(seed) > 0:
             seeds = [None if value is None else checked_seed(value) for value in seed]
             if len(seeds) != self._environments:
                 raise _vibes.Error(f"{len(seeds)} seeds for {self._environments} environments; give one seed, or one for each")

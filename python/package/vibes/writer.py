@@ -222,6 +222,9 @@ def played(env: Any, policy: Callable[[Any], ArrayLike], options: dict[str, int]
     inner._taken = []
     try:
         observation, _ = env.reset(options=options)
+        asked, begun = options.get("episode", options.get("state")), int(inner.world.episodes[0])
+        if begun != asked:
+            raise _vibes.Error(f"{type(env).__name__} began episode {begun} where {asked} was asked for; its reset must pass its options on")
         is_over = False
         while not is_over:
             observation, _, terminated, truncated, _ = env.step(policy(observation))

@@ -227,7 +227,8 @@ fn report(context: &Context, run: &Run, options: &OnlineOptions, end: End) -> Re
     let set = if options.world.has_videos() { " --video-set val" } else { "" };
     let on = last.as_ref().map_or("", on_videos);
     let text = found.map_or(String::new(), |mean| format!("; mean return{on} {mean:.1}"));
-    let text = ended_under(options, last.as_ref()) + &text;
+    let under = ended_under(options, last.as_ref());
+    let text = under.clone() + &text;
     match end {
         End::Nothing => {
             println!(
@@ -237,7 +238,7 @@ fn report(context: &Context, run: &Run, options: &OnlineOptions, end: End) -> Re
         End::Updates => println!("done{text}; next: vibes-collect --policy {path} --grid 10x10"),
         End::Minutes => println!("the minutes are up{text}; ask for more with --minutes M: {path}"),
         End::Stopped if run.checkpoints().is_empty() => {
-            println!("stopped before anything was learned{text}; the same command begins anew: {path}");
+            println!("stopped before anything was learned{under}; the same command begins anew: {path}");
         }
         End::Stopped => println!("stopped and saved{text}; the same command goes on from there: {path}"),
     }

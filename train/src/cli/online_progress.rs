@@ -127,7 +127,9 @@ pub(crate) fn ended_under(options: &OnlineOptions, last: Option<&serde_json::Val
 
 /// ` on held-out videos` where an evaluation is: where nobody sees a video, the returns of the two sets are those of the same episodes.
 pub(crate) fn on_videos(evaluation: &serde_json::Value) -> &'static str {
-    on(evaluation["held_out"] != evaluation["training_videos"], evaluation["is_held_out"] != false)
+    // Lines of older runs have no gap.
+    let has_videos = !evaluation["gap"].is_null() || evaluation["held_out"] != evaluation["training_videos"];
+    on(has_videos, evaluation["is_held_out"] != false)
 }
 
 /// The same where it is known whether videos are seen, and whether those held out are new to the run.
@@ -208,8 +210,7 @@ mod tests {
 
     #[test]
     fn videos_that_were_seen_are_not_called_held_out() {
-        let line =
-            |told: serde_json::Value| serde_json::json!({ "held_out": 1, "training_videos": 2, "is_held_out": told });
+        let line = |told: serde_json::Value| serde_json::json!({ "held_out": 1, "training_videos": 1, "gap": {}, "is_held_out": told });
         assert_eq!(on_videos(&line(().into())), " on held-out videos");
         assert_eq!(on_videos(&line(false.into())), " on videos that are in its recordings");
     }

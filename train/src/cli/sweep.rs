@@ -74,10 +74,10 @@ type Verb = fn(Cli) -> Result<Ending>;
 /// Carries out a sweep; `verb` does this program's own stages.
 pub(crate) fn run(context: &Context, args: &SweepArgs, verb: Verb) -> Result<Ending> {
     let elements = Plan::read(&args.plan)?.expand()?;
-    check(&elements)?;
     if args.what.status {
         return status(context, &elements);
     }
+    check(&elements)?;
     if let Some(engine) = args.what.script {
         print!("{}", script(args, engine, elements.len())?);
         return Ok(Ending::Done);

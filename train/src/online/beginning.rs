@@ -29,6 +29,7 @@ pub(super) fn settled(path: &Path, from: &Run, kind: ObservationKind, options: O
     let mut seen: BTreeSet<String> = found.into_iter().flat_map(|found| found.held_out_seen).collect();
     if matches!(kind, ObservationKind::Pixels { .. }) {
         seen.extend(held_out_seen(&options.world, &from.seen().recordings));
+        seen.extend(seen_before(from, &options.world)?);
     }
     let held_out_seen = seen.into_iter().collect();
     let options = OnlineOptions { given_control_steps, given_from, held_out_seen, ..options };
@@ -125,6 +126,19 @@ fn held_out_seen(world: &WorldOptions, recordings: &[Recording]) -> BTreeSet<Str
     seen.map(|(_, film)| film.name).collect()
 }
 
+/// The held-out videos of a world that a run or one before it is known to have seen, though its recordings may be gone.
+fn seen_before(from: &Run, world: &WorldOptions) -> Result<BTreeSet<String>> {
+    let held_out: BTreeSet<String> = world.names_held_out().into_iter().collect();
+    let (before, _) = from.before();
+    let mut seen = BTreeSet::new();
+    for run in std::iter::once(from).chain(&before) {
+        let found = OnlineOptions::read(run.path())?.filter(|found| found.world.videos == world.videos);
+        let known = found.into_iter().flat_map(|found| found.held_out_seen);
+        seen.extend(known.filter(|name| held_out.contains(name)));
+    }
+    Ok(seen)
+}
+
 /// The videos of a recording and where they come from, which every part of a merged one says of its own.
 fn films(recording: &Recording) -> Vec<(VideoSource, Video)> {
     let manifest = recording.manifest();
@@ -159,7 +173,9 @@ pub(super) fn notes(run: &Run, options: &OnlineOptions) -> Vec<String> {
         format!("the recordings it begins with are under videos that it is evaluated under ({videos}): no evaluation is held out, and each says so (is_held_out)")
     });
     let has_eyes = matches!(run.info().model.observation, ObservationKind::Pixels { .. });
-    let is_unsure = !is_seen && has_eyes && options.world.has_videos() && !is_all_there(run);
+    // Where everything was there when the run began, it was known then.
+    let was_there = options.given_from == Some(GivenFrom::Recordings);
+    let is_unsure = !is_seen && !was_there && has_eyes && options.world.has_videos() && !is_all_there(run);
     let unsure = is_unsure.then(|| {
         let text = "some of what it begins with is gone, so that it is not known whether that was under videos that it is evaluated under";
         text.to_owned()

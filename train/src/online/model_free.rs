@@ -27,7 +27,7 @@ use vibes_model::trained::TrainedAgent;
 use super::actor::{self, ActorThread, EpisodeKind, Living, Task, episode_seed};
 use super::evaluate::{self, Evaluation};
 use super::protocol::Protocol;
-use super::training::BETWEEN_SAVES;
+use super::training::is_too_late_after_another;
 use super::{line, unfinished};
 use crate::error::Result;
 use crate::fit::{End, Go};
@@ -225,7 +225,7 @@ impl Training<'_> {
             self.metrics.append(&line)?;
             let is_stopped = [go, listen(Event::Lived(&line))].contains(&Go::Stop);
             let is_due = self.state.episodes.is_multiple_of(self.options.save_every.max(1));
-            if is_stopped || is_due || self.saved.elapsed() + begun.elapsed() > BETWEEN_SAVES {
+            if is_stopped || is_due || is_too_late_after_another(self.saved.elapsed(), begun.elapsed()) {
                 self.save(&learner)?;
             }
             if is_stopped {

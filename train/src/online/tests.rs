@@ -482,7 +482,10 @@ fn an_evaluation_under_videos_that_were_seen_says_so() {
     let said = "\"given_control_steps\":320,\"given_from\":\"run.json\",\"is_held_out\":false";
     assert!(text.lines().all(|line| line.contains(said)), "{text}");
     let page = std::fs::read_to_string(path.join("summary.md")).unwrap();
-    assert!(page.contains("* began with recordings of 320 control steps (of those that are gone"), "{page}");
+    assert!(
+        page.contains("* began with 320 control steps of recordings and of runs before it (of those that are gone"),
+        "{page}"
+    );
     assert!(page.contains("no recordings in its batches") && page.contains("nothing of new videos"), "{page}");
 }
 

@@ -30,7 +30,7 @@ const CALIBRATION_WINDOWS: usize = 64;
 const FIRST_UPDATES_AT_ONCE: u64 = 20;
 /// Time between checkpoints that a round, or so many of the first updates, is not begun to end beyond, unless it is longer by itself, so that a kill hardly ever costs more than two
 /// minutes.
-pub(super) const BETWEEN_SAVES: Duration = Duration::from_secs(100);
+const BETWEEN_SAVES: Duration = Duration::from_secs(100);
 
 /// A run at work.
 pub(super) struct Training<'a> {
@@ -282,7 +282,7 @@ impl Training<'_> {
 }
 
 /// Whether what took so long, done once more, would end too long after the last checkpoint.
-fn is_too_late_after_another(since: Duration, took: Duration) -> bool {
+pub(super) fn is_too_late_after_another(since: Duration, took: Duration) -> bool {
     since + took > BETWEEN_SAVES
 }
 
@@ -290,15 +290,16 @@ fn is_too_late_after_another(since: Duration, took: Duration) -> bool {
 mod tests {
     use super::*;
 
-    /// A kill costs what was done since the last checkpoint.
+    /// A kill costs what was done since the last checkpoint: two minutes hardly ever.
     #[test]
-    fn a_kill_costs_two_minutes_at_most_or_one_round_that_takes_longer() {
+    fn a_kill_costs_what_lies_between_two_checkpoints_at_most_or_one_round_that_takes_longer() {
+        assert!(BETWEEN_SAVES <= Duration::from_secs(100), "as docs/online.md has it");
         for seconds in [0.1, 7.0, 49.0, 51.0, 99.0, 101.0, 300.0] {
             let took = Duration::from_secs_f64(seconds);
             let mut since = Duration::ZERO;
             for _ in 0..3000 {
                 since += took;
-                assert!(since <= Duration::from_secs(120).max(took), "{since:?} in rounds of {took:?}");
+                assert!(since <= BETWEEN_SAVES.max(took), "{since:?} in rounds of {took:?}");
                 if is_too_late_after_another(since, took) {
                     since = Duration::ZERO;
                 }

@@ -51,12 +51,12 @@ impl WorldOptions {
         self.library_while(set, &|_missing| true)
     }
 
-    /// Makes the background videos of both sets where no earlier run has, which may take minutes, as long as `go_on` says yes; it is told how many of a set are missing.
+    /// Makes the background videos of a set where no earlier run has, which may take minutes, as long as `go_on` says yes; it is told how many are missing.
     ///
     /// # Errors
     /// As [`Self::video_library`]; [`vibes_env::Error::Stopped`] where `go_on` says no. What is made by then is kept.
-    pub fn make_videos(&self, go_on: GoOn<'_>) -> Result<()> {
-        [VideoSet::Train, VideoSet::Val].into_iter().try_for_each(|set| self.library_while(set, go_on).map(drop))
+    pub fn make_videos(&self, set: VideoSet, go_on: GoOn<'_>) -> Result<()> {
+        self.library_while(set, go_on).map(drop)
     }
 
     fn library_while(&self, set: VideoSet, go_on: GoOn<'_>) -> Result<Arc<VideoLibrary>> {

@@ -50,6 +50,8 @@ impl Recipe {
         let all = differing.chain(Some(seed).filter(|seed| other.0["seed"] != *seed.1));
         let texts = all.map(|(name, value)| match value {
             Value::Null => format!("{name} as usual"),
+            // Where the other map lies is told as seen from the folder, which would mislead whoever reads it elsewhere.
+            Value::String(_) if name.starts_with("onto") => format!("{name} another"),
             Value::String(text) => format!("{name} {text}"),
             other => format!("{name} {other}"),
         });
