@@ -55,11 +55,18 @@ fn what_a_run_began_with_is_counted_once_and_kept_when_recordings_are_taken_away
     assert_eq!(kept.held_out_seen, HELD_OUT);
     let late = settle(&second);
     assert_eq!(begun(&late), (Some(6 * 12 * 4), Some(GivenFrom::RunFile)), "every view, as run.json has it");
-    assert!(late.given_in_words().unwrap().contains("288 control steps (of those that are gone"));
+    assert!(
+        late.given_in_words()
+            .unwrap()
+            .contains("288 control steps of recordings and of runs before it (of those that are gone")
+    );
     assert!(late.held_out_seen.is_empty(), "nobody knows");
     // Under the protocol that is told, and no reason to refuse.
     let late = settled(&second, &run, PIXELS, published()).unwrap();
     assert_eq!(begun(&late), (Some(6 * 12 * 4), Some(GivenFrom::RunFile)));
+    // What a run before is known to have seen stays known.
+    kept.keep(run.path()).unwrap();
+    assert_eq!(settle(&folder.path().join("third")).held_out_seen, HELD_OUT);
 }
 
 #[test]
