@@ -15,6 +15,7 @@ use rerun::{
 };
 use vibes_data::{Decoded, DecodedRow, Latents};
 
+use crate::figures::Coloring;
 use crate::input::{Frames, UserColumn};
 use crate::picture::Pixels;
 use crate::picture::color::{self, Color};
@@ -307,7 +308,7 @@ impl Scene<'_> {
 /// The points' grey where nothing colours them.
 const NONE: Color = Color::new(150, 150, 150);
 
-/// A colour a row: numbers along the scale of the figures, kinds by their number.
+/// A colour a row: numbers along the scale of the figures, kinds in the figures' colours.
 fn point_colors(column: &UserColumn) -> Vec<Color> {
     match column {
         UserColumn::Numbers(values) => {
@@ -316,8 +317,9 @@ fn point_colors(column: &UserColumn) -> Vec<Color> {
             let of = |value: f64| color::viridis((value - low) / (high - low).max(1e-12));
             values.iter().map(|&value| if value.is_finite() { of(value) } else { NONE }).collect()
         }
-        UserColumn::Kinds { of_row, .. } => {
-            of_row.iter().map(|kind| kind.map_or(NONE, |kind| color::kind(kind as usize))).collect()
+        UserColumn::Kinds { of_row, names } => {
+            let kinds = Coloring::Kind { name: String::new(), kinds: of_row.clone(), names: names.clone() };
+            kinds.of_points().into_iter().map(|color| color.unwrap_or(NONE)).collect()
         }
     }
 }

@@ -48,12 +48,7 @@ fn read<P: FromArgMatches>(mut command: Command, arguments: Vec<OsString>) -> Re
     };
     let name = command.get_name().to_owned();
     let expanded = config::expand(&mut command, arguments).map_err(|error| wrong(format!("{name}: {error:#}")))?;
-    let parsed = command.try_get_matches_from_mut(&expanded.arguments);
-    let program = parsed.and_then(|matches| {
-        let program = P::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
-        Ok((program, matches))
-    });
-    let (program, matches) = program.map_err(|error| {
+    let (program, matches) = matched(&mut command, &expanded.arguments).map_err(|error| {
         // Help and the version are asked for, not wrong.
         let _ = error.print();
         if !error.use_stderr() {
@@ -78,7 +73,7 @@ fn read<P: FromArgMatches>(mut command: Command, arguments: Vec<OsString>) -> Re
 pub fn parse<P: CommandFactory + FromArgMatches>(words: &[String]) -> anyhow::Result<P> {
     let mut command = config::with_option(P::command());
     let expanded = config::expand(&mut command, words.iter().map(OsString::from).collect())?;
-    matched(&mut command, &expanded.arguments)
+    Ok(matched(&mut command, &expanded.arguments)?.0)
 }
 
 /// The same of what was typed alone, where the file is not there yet.
@@ -88,12 +83,14 @@ pub fn parse<P: CommandFactory + FromArgMatches>(words: &[String]) -> anyhow::Re
 pub fn parse_typed<P: CommandFactory + FromArgMatches>(words: &[String]) -> anyhow::Result<P> {
     let mut command = config::with_option(P::command());
     let typed = config::without_file(&mut command, words.iter().map(OsString::from).collect())?;
-    matched(&mut command, &typed)
+    Ok(matched(&mut command, &typed)?.0)
 }
 
-fn matched<P: FromArgMatches>(command: &mut Command, words: &[OsString]) -> anyhow::Result<P> {
+/// The program's own form of words without a file, and what clap makes of them.
+fn matched<P: FromArgMatches>(command: &mut Command, words: &[OsString]) -> clap::error::Result<(P, ArgMatches)> {
     let matches = command.try_get_matches_from_mut(words)?;
-    Ok(P::from_arg_matches(&matches).map_err(|error| error.format(command))?)
+    let program = P::from_arg_matches(&matches).map_err(|error| error.format(command))?;
+    Ok((program, matches))
 }
 
 /// Every option of the verb with its value and where it comes from.

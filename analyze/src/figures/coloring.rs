@@ -99,6 +99,17 @@ impl Coloring {
         }
     }
 
+    /// The colour of every point; none of one that has no quantity or kind.
+    pub fn of_points(&self) -> Vec<Option<Color>> {
+        let points = match self {
+            Self::Quantity { values, .. } => values.len(),
+            Self::Kind { kinds, .. } => kinds.len(),
+        };
+        let scale = self.scale();
+        let levels = (0..points).map(|i| self.level(i, &scale));
+        levels.map(|level| (level >= 0).then(|| self.color(level))).collect()
+    }
+
     /// The colours of the kinds in a legend, in the order of their names.
     pub(super) fn colors(&self) -> Vec<Color> {
         TEN.into_iter().take(self.kinds().len()).collect()
@@ -153,6 +164,7 @@ mod tests {
     fn two_kinds_have_two_colours_whatever_their_numbers() {
         let two = states(&[Some(13), Some(3), None, Some(13)]);
         assert_eq!(levels(&two, 4), [1, 0, -1, 1]);
+        assert_eq!(two.of_points(), [Some(TEN[1]), Some(TEN[0]), None, Some(TEN[1])]);
         assert_eq!((two.colors(), two.names()), (TEN[..2].to_vec(), vec!["state 3".to_owned(), "13".to_owned()]));
         let called = Coloring::Kind {
             name: "weather".into(),

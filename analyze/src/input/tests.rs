@@ -10,6 +10,12 @@ use super::*;
 const ROWS: usize = 24;
 const DIMS: usize = 4;
 
+/// What writes files of a name and a text into a folder.
+pub(super) fn writer(folder: &Path) -> impl Fn(&str, &str) {
+    let folder = folder.to_owned();
+    move |name, text| std::fs::write(folder.join(name), text).expect("file")
+}
+
 fn tables() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/tables");
     let mut all: Vec<PathBuf> = std::fs::read_dir(folder).expect("folder").flatten().map(|f| f.path()).collect();

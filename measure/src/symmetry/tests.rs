@@ -1,3 +1,5 @@
+//! What found and made rotations tell of latents that are symmetric, that are not, and that know the distance alone.
+
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

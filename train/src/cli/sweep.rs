@@ -131,8 +131,8 @@ fn check(elements: &[Element]) -> Result<()> {
 
 /// Whether a file is not there.
 fn is_missing(error: &anyhow::Error) -> bool {
-    let kinds = error.chain().filter_map(|part| part.downcast_ref::<std::io::Error>()).map(std::io::Error::kind);
-    kinds.into_iter().any(|kind| kind == std::io::ErrorKind::NotFound)
+    let mut causes = error.chain().filter_map(|part| part.downcast_ref::<std::io::Error>());
+    causes.any(|cause| cause.kind() == std::io::ErrorKind::NotFound)
 }
 
 /// Whether an option is missing that the file may yet bring.

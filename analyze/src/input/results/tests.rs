@@ -1,14 +1,17 @@
+//! Names of results as keys, in expressions and as metrics.
+
+use super::super::tests::writer;
 use super::*;
 
 /// What run.json holds is 0.03, and what the metrics hold of it in single precision is not.
 #[test]
 fn a_name_is_an_option_as_a_key_and_in_an_expression_and_a_number_as_a_metric() {
     let run = tempfile::tempdir().expect("folder");
-    let write = |name: &str, text: String| std::fs::write(run.path().join(name), text).expect("file");
+    let write = writer(run.path());
     let measured = f64::from(0.03f32);
-    write("metrics.jsonl", format!("{{\"update\":10,\"dynamics_weight\":{measured},\"loss\":2.5}}\n"));
+    write("metrics.jsonl", &format!("{{\"update\":10,\"dynamics_weight\":{measured},\"loss\":2.5}}\n"));
     let info = "{\"format\":\"vibes-run/1\",\"options\":{\"dynamics_weight\":0.03},\"model\":{\"task\":\"discs\"},\"recordings\":[],\"episodes\":6,\"steps\":48,\"versions\":{}}";
-    write("run.json", info.into());
+    write("run.json", info);
     let results = Results::open(&[run.path().to_path_buf()]).expect("run");
     let names = ["dynamics_weight".to_owned()];
     let rows: Rows = "dynamics_weight = 0.03 and loss > 2 and task = 'discs'".parse().expect("expression");
@@ -33,7 +36,7 @@ fn a_column_of_a_table_may_be_asked_for_twice() {
 #[test]
 fn an_option_goes_before_what_came_of_it_and_what_stands_for_several_things_is_refused() {
     let run = tempfile::tempdir().expect("folder");
-    let write = |name: &str, text: &str| std::fs::write(run.path().join(name), text).expect("file");
+    let write = writer(run.path());
     write("metrics.jsonl", "{\"update\":10,\"loss\":2.5}\n");
     write(
         "run.json",

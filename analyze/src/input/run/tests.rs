@@ -1,3 +1,6 @@
+//! What a run's files say of it: curves, where they end, and what is left out.
+
+use super::super::tests::writer;
 use super::*;
 
 const RUN_JSON: &str = r#"{"format":"vibes-run/1","options":{"objective":"vibes"},"model":{"task":"reacher-easy"},"recordings":[],
@@ -7,8 +10,9 @@ const RUN_JSON: &str = r#"{"format":"vibes-run/1","options":{"objective":"vibes"
 fn a_killed_runs_last_line_is_counted_not_fatal() {
     let dir = tempfile::tempdir().expect("folder");
     let text = "{\"update\":10,\"loss\":2.5,\"gap\":null}\n{\"update\":20,\"dynamics_log_likelihood\":2,\"loss\":1.5,\"gap\":0.5}\n{\"update\":30,\"gap\":9}\n{\"update\":40,\"lo";
-    std::fs::write(dir.path().join("metrics.jsonl"), text).expect("file");
-    std::fs::write(dir.path().join("run.json"), RUN_JSON).expect("file");
+    let write = writer(dir.path());
+    write("metrics.jsonl", text);
+    write("run.json", RUN_JSON);
     let run = Run::read(dir.path()).expect("run");
     assert_eq!(run.series["loss"], vec![(10.0, 2.5), (20.0, 1.5)]);
     assert_eq!(run.series["adversary_minus_dynamics"], vec![(20.0, 0.5)], "as an older run calls it");
@@ -19,7 +23,7 @@ fn a_killed_runs_last_line_is_counted_not_fatal() {
 #[test]
 fn single_checkpoints_are_in_the_order_of_their_updates_and_the_grids_number_goes_first() {
     let dir = tempfile::tempdir().expect("folder");
-    let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).expect("file");
+    let write = writer(dir.path());
     write(
         "metrics.jsonl",
         "{\"update\":2000,\"dynamics_log_likelihood\":2,\"effective_rank\":10.5}\n{\"update\":10000,\"batch_effective_rank\":11.5}\n",
@@ -38,7 +42,7 @@ fn single_checkpoints_are_in_the_order_of_their_updates_and_the_grids_number_goe
 #[test]
 fn what_was_measured_on_a_held_out_grid_belongs_to_the_run() {
     let dir = tempfile::tempdir().expect("folder");
-    let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).expect("file");
+    let write = writer(dir.path());
     write("metrics.jsonl", "{\"update\":100,\"loss\":2.5}\n{\"update\":200,\"loss\":1.5}\n");
     write(
         "evaluations.jsonl",
@@ -77,7 +81,7 @@ fn what_was_measured_on_a_held_out_grid_belongs_to_the_run() {
 #[test]
 fn what_is_not_held_out_is_left_out_and_named() {
     let dir = tempfile::tempdir().expect("folder");
-    let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).expect("file");
+    let write = writer(dir.path());
     write("metrics.jsonl", "{\"update\":100,\"loss\":2.5}\n");
     write(
         "evaluations.jsonl",
@@ -104,7 +108,7 @@ fn what_is_not_held_out_is_left_out_and_named() {
 #[test]
 fn several_grids_of_one_checkpoint_and_an_older_one_are_told() {
     let dir = tempfile::tempdir().expect("folder");
-    let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).expect("file");
+    let write = writer(dir.path());
     write("metrics.jsonl", "{\"update\":100,\"loss\":2.5}\n");
     write("evaluations.jsonl", "{\"update\":50,\"numbers\":{\"state_share\":{\"estimate\":0.25}}}\n");
     for (file, grid, update, name, share) in [
@@ -131,7 +135,7 @@ fn several_grids_of_one_checkpoint_and_an_older_one_are_told() {
 #[test]
 fn the_last_evaluation_is_where_a_run_ended_and_no_point_of_its_curve() {
     let dir = tempfile::tempdir().expect("folder");
-    let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).expect("file");
+    let write = writer(dir.path());
     write(
         "metrics.jsonl",
         "{\"control_steps\":500,\"update\":5,\"loss\":2.5}\n{\"control_steps\":1000,\"update\":9,\"loss\":2}\n",

@@ -1,3 +1,5 @@
+//! What a run began with: counted once, kept when recordings are taken away, and refused under a protocol where it cannot be.
+
 use vibes_data::RunFolder;
 
 use super::super::prepare::{again, default_options, default_world, from_run};

@@ -1,3 +1,5 @@
+//! Options that may change on the way, those that cannot be, and what a protocol fixes.
+
 use super::super::prepare::{default_options, default_world};
 use super::*;
 
