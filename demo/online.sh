@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Online training end to end on one machine: a random policy's returns, training from nothing in the environment, the trained policy's returns. Run by
-# `make demo-online`, from the repository's root. From vector observations, so that nothing is drawn and ten minutes are enough to rise above chance.
+# `make demo-online`, from the repository's root. From vector observations, so that nothing is drawn and a few minutes are enough to rise above a random policy.
 # Everything it makes is kept; a second run goes on from it. DEMO_STEPS (default 40000) is the number of control steps, 1000 an episode.
 set -euo pipefail
 cd "$(dirname "$0")/.."
