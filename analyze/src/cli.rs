@@ -8,6 +8,7 @@ mod clusters;
 mod compare;
 mod curves;
 mod decode;
+mod gaps;
 mod grid;
 mod invariance;
 mod maps;

@@ -8,6 +8,7 @@ mod found;
 mod frames;
 mod latents;
 mod lists;
+mod recorded;
 mod results;
 mod rows;
 mod run;
@@ -66,6 +67,18 @@ pub enum InputError {
         missing: String,
         /// The columns that are there.
         found: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A plain array, of which nobody says whose rows it holds.
+    #[error(
+        "a plain array has no keys: {rows} rows{fact}; name the recording whose rows they are, in order, with --recording: {path}"
+    )]
+    NoKeys {
+        /// How many rows it has.
+        rows: usize,
+        /// What the recording that was named has, if one was.
+        fact: String,
         /// The file.
         path: PathBuf,
     },

@@ -308,23 +308,32 @@ impl Scene<'_> {
 /// The points' grey where nothing colours them.
 const NONE: Color = Color::new(150, 150, 150);
 
-/// A colour a row: numbers along the scale of the figures, kinds in the figures' colours.
+/// A colour a row, as in the figures, so that here too a few values far from all others do not make these one colour.
 fn point_colors(column: &UserColumn) -> Vec<Color> {
-    match column {
-        UserColumn::Numbers(values) => {
-            let finite = || values.iter().copied().filter(|value| value.is_finite());
-            let (low, high) = (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
-            let of = |value: f64| color::viridis((value - low) / (high - low).max(1e-12));
-            values.iter().map(|&value| if value.is_finite() { of(value) } else { NONE }).collect()
-        }
+    let coloring = match column {
+        UserColumn::Numbers(values) => Coloring::Quantity { name: String::new(), values: values.clone() },
         UserColumn::Kinds { of_row, names } => {
-            let kinds = Coloring::Kind { name: String::new(), kinds: of_row.clone(), names: names.clone() };
-            kinds.of_points().into_iter().map(|color| color.unwrap_or(NONE)).collect()
+            Coloring::Kind { name: String::new(), kinds: of_row.clone(), names: names.clone() }
         }
-    }
+    };
+    coloring.of_points().into_iter().map(|color| color.unwrap_or(NONE)).collect()
 }
 
 fn rgba(c: Color) -> rerun::Color {
     let [r, g, b] = c.rgb;
     rerun::Color::from_rgb(r, g, b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_value_far_away_does_not_make_all_points_one_colour() {
+        let mut values: Vec<f64> = (0..100).map(f64::from).collect();
+        (values[50], values[60]) = (1e6, f64::NAN);
+        let colors = point_colors(&UserColumn::Numbers(values));
+        assert!(colors[0] != colors[30] && colors[30] != colors[99], "{colors:?}");
+        assert_eq!((colors[50], colors[60]), (colors[99], NONE));
+    }
 }

@@ -4,11 +4,14 @@
 //! In: one number a run, with the row and the column that it belongs to. Out: the table, as text for a terminal, Markdown and LaTeX, and as rows for
 //! CSV and Parquet.
 
+mod decimals;
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use serde::Serialize;
 
+pub use decimals::{common_decimals, mean_text};
 use vibes_measure::intervals::{Interval, student};
 
 /// A result to enter in the table.
@@ -123,43 +126,11 @@ fn mark(mut column: Vec<&mut Entry>) {
 }
 
 impl Entry {
-    /// `mean ± half`, as many digits as the size asks for.
+    /// Half of its interval, if it has one.
     #[must_use]
-    pub fn text(&self) -> String {
-        let half = Some(self.score.high - self.score.estimate).filter(|half| half.is_finite());
-        mean_text(self.score.estimate, half)
+    pub fn half(&self) -> Option<f64> {
+        Some(self.score.high - self.score.estimate).filter(|half| half.is_finite())
     }
-}
-
-/// `mean ± half` with a minus sign, as many digits as the sizes of both ask for.
-#[must_use]
-pub fn mean_text(mean: f64, half: Option<f64>) -> String {
-    let digits = decimals(mean, half.unwrap_or(0.0));
-    let half = half.map_or_else(String::new, |h| format!(" ± {h:.digits$}"));
-    let mean = format!("{mean:.digits$}");
-    // What is rounded to nothing has no sign.
-    let is_nothing = mean.chars().all(|sign| matches!(sign, '-' | '0' | '.'));
-    let mean = if is_nothing { mean.replace('-', "") } else { mean.replace('-', "−") };
-    mean + &half
-}
-
-/// Most decimals of a mean.
-const DECIMALS: i32 = 5;
-
-/// As many decimals as the larger of the two numbers asks for, and enough that two digits of the smaller are seen.
-fn decimals(mean: f64, half: f64) -> usize {
-    let (mean, half) = (mean.abs(), half.abs());
-    let usual = match mean.max(half) {
-        a if a >= 100.0 => 0,
-        a if a >= 10.0 => 1,
-        _ => 2,
-    };
-    // Nothing has no digits.
-    let smaller = [mean, half].into_iter().filter(|size| *size > 0.0 && size.is_finite()).reduce(f64::min);
-    smaller.map_or(usual, |smaller| {
-        let needed = (1 - smaller.log10().floor() as i32).clamp(0, DECIMALS);
-        usual.max(needed as usize)
-    })
 }
 
 /// A way to set the table as text.
@@ -183,9 +154,25 @@ impl ScoreTable {
         self.tasks.len() > 1 && self.averages.iter().any(Option::is_some)
     }
 
-    /// The row whose average is the best, if there are several.
+    /// Whether some entry has an interval: is of several runs.
+    #[must_use]
+    pub fn has_intervals(&self) -> bool {
+        self.entries.iter().flatten().flatten().any(|entry| entry.half().is_some())
+    }
+
+    /// Whether some entry is marked, in the column of averages too where that is shown.
+    #[must_use]
+    pub fn has_marks(&self, averages: bool) -> bool {
+        let is_average_marked = averages && self.has_averages() && self.best_average().is_some();
+        is_average_marked || self.entries.iter().flatten().flatten().any(|entry| entry.mark != Mark::Plain)
+    }
+
+    /// The row whose average is the best, if there are several. As within a column, nothing is the best where no entry has an interval.
     #[must_use]
     pub fn best_average(&self) -> Option<usize> {
+        if !self.has_intervals() {
+            return None;
+        }
         let higher = self.entries.iter().flatten().flatten().next().is_none_or(|entry| entry.higher_is_better);
         let known = self.averages.iter().enumerate().filter_map(|(row, average)| Some((row, (*average)?)));
         let better =
@@ -197,8 +184,9 @@ impl ScoreTable {
     #[must_use]
     pub fn text(&self, corner: &str, averages: bool, style: Style) -> String {
         let averages = averages && self.has_averages();
+        let decimals = self.decimals();
         let mut rows = vec![self.head(corner, averages, style)];
-        rows.extend((0..self.methods.len()).map(|row| self.row(row, averages, style)));
+        rows.extend((0..self.methods.len()).map(|row| self.row(row, averages, &decimals, style)));
         match style {
             Style::Terminal { .. } => aligned(&rows),
             Style::Markdown => markdown(&rows),
@@ -212,14 +200,25 @@ impl ScoreTable {
         names.map(|name| Cell::of(name, style)).collect()
     }
 
-    fn row(&self, row: usize, averages: bool, style: Style) -> Vec<Cell> {
-        let entries = self.entries[row].iter().map(|entry| match entry {
-            Some(entry) => Cell::set(entry.text(), entry.mark, style),
+    /// The decimals of each column's numbers, and last those of the averages.
+    fn decimals(&self) -> Vec<usize> {
+        let of = |task: usize| {
+            let entries = self.entries.iter().filter_map(|row| row[task].as_ref());
+            common_decimals(entries.map(|entry| (entry.score.estimate, entry.half())))
+        };
+        let averages = common_decimals(self.averages.iter().flatten().map(|mean| (*mean, None)));
+        (0..self.tasks.len()).map(of).chain([averages]).collect()
+    }
+
+    fn row(&self, row: usize, averages: bool, decimals: &[usize], style: Style) -> Vec<Cell> {
+        let set = |mean, half, mark, decimals: usize| Cell::set(mean_text(mean, half, decimals), mark, style);
+        let entries = self.entries[row].iter().zip(decimals).map(|(entry, decimals)| match entry {
+            Some(entry) => set(entry.score.estimate, entry.half(), entry.mark, *decimals),
             None => Cell::of("–", style),
         });
         let mark = if self.best_average() == Some(row) { Mark::Best } else { Mark::Plain };
         let average = averages.then(|| match self.averages[row] {
-            Some(mean) => Cell::set(mean_text(mean, None), mark, style),
+            Some(mean) => set(mean, None, mark, decimals[self.tasks.len()]),
             None => Cell::of("–", style),
         });
         let name = Cell::of(&self.methods[row], style);
@@ -329,7 +328,7 @@ fn latex_escaped(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{Mark, RunScore, ScoreTable, Style, mean_text, score_table};
+    use super::{Mark, RunScore, ScoreTable, Style, score_table};
 
     fn run(method: &str, task: &str, score: f64) -> RunScore {
         RunScore { method: method.to_owned(), task: task.to_owned(), score, higher_is_better: true }
@@ -392,25 +391,23 @@ reconstruction  100 ± 25    710.0 ± 2.5 *    405
     }
 
     #[test]
-    fn two_digits_of_a_small_number_are_seen() {
-        for (mean, half, text) in [
-            (0.0042, Some(0.0011), "0.0042 ± 0.0011"),
-            (-0.5, Some(0.012), "−0.500 ± 0.012"),
-            (0.031, Some(0.2), "0.031 ± 0.200"),
-            (930.0, Some(12.0), "930 ± 12"),
-            (52.3, Some(17.5), "52.3 ± 17.5"),
-            (700.0, Some(2.48), "700.0 ± 2.5"),
-            (-123.4, Some(0.0), "−123 ± 0"),
-            (0.0042, None, "0.0042"),
-            (2.5, None, "2.50"),
-            (12.0, None, "12.0"),
-            (0.0, None, "0.00"),
-            (0.0, Some(0.0), "0.00 ± 0.00"),
-            (-0.000_001, None, "0.00000"),
-            (f64::NAN, None, "NaN"),
-        ] {
-            assert_eq!(mean_text(mean, half), text);
-        }
+    fn numbers_of_a_column_are_set_with_the_same_decimals() {
+        let pair = |method: &str, task: &str, centre: f64, off: f64| {
+            [-off, off].map(|x| run(method, task, centre + x)).to_vec()
+        };
+        let runs = [pair("a", "t", 900.0, 5.0), pair("b", "t", 100.0, 0.2), pair("a", "u", 0.5, 0.001)];
+        let text = score_table(&runs.concat()).text("method", false, Style::Markdown);
+        assert!(text.contains("900.0 ± 63.5") && text.contains("100.0 ± 2.5"), "{text}");
+        assert!(text.contains("0.500 ± 0.013"), "another column has its own: {text}");
+    }
+
+    #[test]
+    fn nothing_is_marked_where_each_entry_is_one_run() {
+        let single = |method: &str, score: f64| [run(method, "reacher", score), run(method, "walker", score)];
+        let table = score_table(&[single("a", 3.0), single("b", 4.0)].concat());
+        assert!(!table.has_intervals() && !table.has_marks(true) && table.best_average().is_none());
+        assert!(!table.text("method", true, Style::Markdown).contains("**"));
+        assert!(example().has_intervals() && example().has_marks(true) && example().best_average() == Some(0));
     }
 
     #[test]

@@ -6,6 +6,8 @@
 mod browser;
 #[path = "cli/fixture.rs"]
 mod fixture;
+#[path = "cli/own_latents.rs"]
+mod own_latents;
 #[path = "cli/shared_folders.rs"]
 mod shared_folders;
 #[path = "cli/sizes.rs"]
@@ -133,7 +135,7 @@ fn the_newest_latents_are_found_and_named() {
     std::thread::sleep(std::time::Duration::from_millis(20));
     std::fs::copy(fixture.latents(), &newer).expect("copy");
     let (_, said) = good(fixture.path(), &["nn", "--queries", "2", "-k", "2"]);
-    assert!(said.contains("runs/other/latents-x.arrow (the newest"), "{said}");
+    assert!(said.contains("runs/other/latents-x.arrow (the newest latents*.arrow"), "{said}");
     assert!(fixture.path().join("runs/other/figures/neighbours.json").is_file());
     let empty = folder();
     assert!(bad(empty.path(), &["nn"], 1).contains("no latents found"));

@@ -235,7 +235,6 @@ fn an_option_that_has_no_effect_is_an_error() {
         ("vibes-analyze curves run --seed 3", "--seed"),
         ("vibes-analyze umap sample --method pca --epochs 3", "--epochs"),
         ("vibes-analyze umap sample --perplexity 12", "--perplexity"),
-        ("vibes-analyze umap sample --recording nowhere", "--recording"),
         ("vibes-analyze umap sample --join notes.csv", "--join"),
         ("vibes-analyze grid sample --no-frames", "--no-frames"),
         ("vibes-analyze grid sample --panels 2x2 --states 0 --distractors 0", "--panels"),

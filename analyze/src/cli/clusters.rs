@@ -12,6 +12,7 @@ use super::{Globals, Outcome, wrong};
 use crate::figures::{Coloring, Figure, Map};
 use crate::input::UserColumn;
 use crate::output::{Column, write_csv};
+use crate::picture::number::fixed;
 use vibes_measure::clusters::{ClusterSummary, Method, Typical, cluster_table, clusters};
 use vibes_measure::probes::{HoldOut, Quantity, Values};
 
@@ -184,7 +185,7 @@ fn sentence(summary: &ClusterSummary) -> String {
     let name = summary.cluster.map_or_else(|| "in none".to_string(), |cluster| format!("cluster {cluster}"));
     let mut apart: Vec<_> = summary.quantities.iter().filter(|typical| typical.apart.is_finite()).collect();
     apart.sort_by(|a, b| b.apart.abs().total_cmp(&a.apart.abs()));
-    let typical = apart.iter().take(2).map(|t| format!("; {} {:.2} ± {:.2}", t.quantity, t.value, t.spread));
+    let typical = apart.iter().take(2).map(|t| format!("; {} {} ± {:.2}", t.quantity, fixed(t.value, 2), t.spread));
     format!(
         "{name}: {} rows of {} states and {} distractors{}",
         summary.rows,

@@ -139,7 +139,7 @@ fn cells(session: &Session) -> anyhow::Result<BTreeSet<(u32, u32)>> {
     let cells: BTreeSet<(u32, u32)> = l.state.iter().zip(&l.distractor).filter_map(|(s, d)| s.zip(*d)).collect();
     if cells.is_empty() {
         return Err(wrong(format!(
-            "these latents are not of a grid (columns state and distractor are empty); record one with `vibes-collect --grid 10x10`: {}",
+            "these latents are not of a grid (columns state and distractor are empty); name the recording with --recording if it is one, or record one with `vibes-collect --grid 10x10`: {}",
             session.path.display()
         )));
     }

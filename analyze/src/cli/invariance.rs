@@ -7,6 +7,7 @@ use super::{Globals, Outcome, wrong};
 use crate::actions::action_features;
 use crate::figures::{Bar, BarGroup, Bars, Figure};
 use crate::output::Column;
+use crate::picture::number::fixed;
 use vibes_measure::Table;
 use vibes_measure::intervals::Interval;
 use vibes_measure::invariance::{Grid, variance};
@@ -129,9 +130,9 @@ fn left_out(k: &[usize], numbers: &Numbers) -> Vec<String> {
 /// `0.61 [0.57, 0.66]`, or without an interval if there is none.
 pub(super) fn text(i: &Interval) -> String {
     if i.low.is_finite() && i.high.is_finite() {
-        format!("{:.3} [{:.3}, {:.3}]", i.estimate, i.low, i.high)
+        format!("{} [{}, {}]", fixed(i.estimate, 3), fixed(i.low, 3), fixed(i.high, 3))
     } else {
-        format!("{:.3}", i.estimate)
+        fixed(i.estimate, 3)
     }
 }
 

@@ -334,6 +334,7 @@ fn draw(
     let sheet = NeighbourSheet {
         heading: session.heading("Queries (top) and their nearest neighbours in the latent space"),
         distance: distance.into(),
+        rows: Vec::new(),
         columns,
     };
     session.save(&Figure::NeighbourSheet(sheet), "neighbours")?;

@@ -13,6 +13,7 @@ use super::session::{Input, Session};
 use super::{Globals, Outcome, wrong};
 use crate::figures::Figure;
 use crate::input::{Asked, Frames, ReadLatents, UserColumn, find_recording, read_beside};
+use crate::picture::number::fixed;
 use rows::{Opened, Rows, usable};
 use shown::{DISTRACTORS, Shown, TARGETS, TASK, section};
 use vibes_measure::episodes::PROBE_EPISODES;
@@ -138,7 +139,7 @@ fn fitted_on(options: &Options, fitted: Option<&Rows>, out: &Path) -> Value {
 fn line(shown: &Shown<'_>, single: &[&'static str], fitted: Option<&Rows>) -> String {
     let mean = |section: &'static str| {
         let none = if single.contains(&section) { "nothing (none can be held out)" } else { "nothing (none varies)" };
-        shown.mean(section).map_or_else(|| none.to_owned(), |mean| format!("a mean of {mean:.3}"))
+        mean_text(section, &shown.linear(section)).unwrap_or_else(|| none.to_owned())
     };
     let has_own = shown.sections.contains(&TARGETS) || single.contains(&TARGETS);
     let own = if has_own { format!(", of your columns {}", mean(TARGETS)) } else { String::new() };
@@ -147,10 +148,20 @@ fn line(shown: &Shown<'_>, single: &[&'static str], fitted: Option<&Rows>) -> St
         |rows| format!("linear probes fitted on {} episodes of other recordings", rows.episodes.0),
     );
     format!(
-        "probe: {probes} read of the task {}, of the distractors {}{own} (R², accuracy over chance)",
+        "probe: {probes} read of the task {}, of the distractors {}{own} (R², accuracy over chance; below 0 counts as 0 in a mean)",
         mean(TASK),
         mean(DISTRACTORS)
     )
+}
+
+/// The mean of a section's scores, which rise, with the one that it may hide: what is read best of the distractors, else what is read worst. An R² has no lower bound,
+/// so that one below 0 counts as 0.
+fn mean_text(section: &str, scores: &[(&str, f64)]) -> Option<String> {
+    let (worst, best) = (scores.first()?, scores.last()?);
+    let mean = scores.iter().map(|score| score.1.max(0.0)).sum::<f64>() / scores.len() as f64;
+    let (word, (name, score)) = if section == DISTRACTORS { ("best", best) } else { ("worst", worst) };
+    let single = if scores.len() > 1 { format!(" ({word}: {name}, {})", fixed(*score, 3)) } else { String::new() };
+    Some(format!("a mean of {}{single}", fixed(mean, 3)))
 }
 
 /// The session's latents with their recording, and their rows that have all that is asked for.
@@ -188,7 +199,8 @@ fn open_to_fit(options: &Options, at: usize, judged: &Opened, session: &mut Sess
     let path = options.fit[at].as_path();
     let is_number = |column: &&(String, UserColumn)| matches!(column.1, UserColumn::Numbers(_));
     let numbers: Vec<String> = judged.columns.iter().filter(is_number).map(|column| column.0.clone()).collect();
-    let asked = Asked { rows: None, joins: options.joins_of(at), columns: numbers };
+    let recording = options.fit_recording.get(at).cloned();
+    let asked = Asked { rows: None, joins: options.joins_of(at), columns: numbers, recording };
     let ReadLatents { latents, columns, remarks } = read_beside(path, &asked, &session.origin)?;
     remarks.into_iter().for_each(|remark| session.remark(format!("to fit on: {remark}")));
     if let Some((name, _)) = columns.iter().find(|column| !is_number(column)) {
@@ -342,4 +354,18 @@ fn recorded(session: &mut Session, judged: &Rows, fitted: Option<&Rows>) -> Read
         session.remark(format!("the recordings to fit on do not name {names}, which were left out"));
     }
     read
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mean_hides_neither_the_distractor_that_is_read_nor_the_task_that_is_not() {
+        let scores = [("camera r", -2.0), ("colour", 0.06), ("video", 0.94)];
+        assert_eq!(mean_text(DISTRACTORS, &scores).as_deref(), Some("a mean of 0.333 (best: video, 0.940)"));
+        assert_eq!(mean_text(TASK, &scores).as_deref(), Some("a mean of 0.333 (worst: camera r, -2.000)"));
+        assert_eq!(mean_text(TASK, &scores[1..2]).as_deref(), Some("a mean of 0.060"));
+        assert_eq!(mean_text(TASK, &[]), None);
+    }
 }

@@ -15,10 +15,11 @@ use vibes_data::{RunFolder, is_same_place, whole};
 use super::maps::MapOptions;
 use super::session::{Input, Session};
 use super::{
-    Globals, Outcome, clusters, compare, curves, decode, distinct_places, grid, invariance, nn, probe, say, symmetry,
-    umap, wrong,
+    Globals, Outcome, clusters, compare, curves, decode, distinct_places, gaps, grid, invariance, nn, probe, say,
+    symmetry, umap, wrong,
 };
 use crate::input::{InputError, Run};
+use crate::picture::svg;
 use crate::report::{Chapter, Page, Section, Shown, write};
 use maps::live_map;
 use verdict::{Known, verdict};
@@ -32,10 +33,11 @@ use words::{Verb, questions};
 pub(super) struct Options {
     #[command(flatten)]
     given: Given,
-    /// Run folders, or tables of latents; the newest latents unless named.
+    /// Tables of latents, or run folders, of which the newest latents*.arrow is taken [default: the newest latents*.arrow below the folder runs, or below the current folder].
     #[arg(value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// The recording the latents were encoded from; the one their metadata names unless given.
+    /// The recording the latents were encoded from, which also gives what a table of one's own lacks: cells, rewards, the keys of a plain array [default: the one that
+    /// their metadata names].
     #[arg(long, value_name = "FOLDER")]
     recording: Option<PathBuf>,
     /// Go on without the recording: no pictures, no task state.
@@ -99,6 +101,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     if !runs.is_empty() {
         page.chapters.push(training(options, globals, runs, &out));
     }
+    let named: Vec<(&str, &Run)> =
+        known.iter().filter_map(|known| Some((known.name.as_str(), known.run.as_ref()?))).collect();
+    page.remarks.extend(gaps::remarks(&named, &gaps::GAPS));
     page.verdict = verdict(&known);
     let names: Vec<&str> = known.iter().map(|known| known.name.as_str()).collect();
     let subject = task.as_ref().map_or_else(|| "Latents".to_string(), |task| format!("Latents of {task}"));
@@ -274,9 +279,8 @@ fn answer(outcome: anyhow::Result<Outcome>, mut section: Section) -> (Section, V
     match outcome {
         Ok(outcome) => {
             let svg = outcome.files.iter().filter(|f| f.extension().is_some_and(|e| e == "svg"));
-            let alt = format!("{} {}", section.title, outcome.line);
-            let shown = |f: &PathBuf| Some(Shown::new(std::fs::read_to_string(f).ok()?, alt.clone()));
-            section.figures = svg.filter_map(shown).collect();
+            let read = |f: &PathBuf| Some(shown(std::fs::read_to_string(f).ok()?, &section.title, &outcome.line));
+            section.figures = svg.filter_map(read).collect();
             section.result = outcome.line;
             section.remarks = outcome.remarks;
             section.numbers = Some(format!("{:#}", outcome.json)).filter(|n| n.len() < 200_000);
@@ -287,6 +291,13 @@ fn answer(outcome: anyhow::Result<Outcome>, mut section: Section) -> (Section, V
             (section, Value::Null)
         }
     }
+}
+
+/// A figure with its own title for those who cannot see it: several under one question show different things. One without a title, or with one of a word ("Training"), has the
+/// question and its answer.
+fn shown(document: String, question: &str, line: &str) -> Shown {
+    let own = svg::title(&document).filter(|title| title.contains(' '));
+    Shown::new(document, own.unwrap_or_else(|| format!("{question} {line}")))
 }
 
 /// The chapter on several tables of latents: which is better?
@@ -323,12 +334,30 @@ fn training(options: &Options, globals: &Globals, runs: Vec<PathBuf>, out: &Path
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::picture::Picture;
 
     #[test]
     fn a_folder_keeps_all_of_its_name() {
         assert_eq!(name(Path::new("runs/dynamics_weight=0.03,seed=0/latents.arrow")), "dynamics_weight=0.03,seed=0");
         assert_eq!(name(Path::new("runs/v1.5/latents-grid.arrow")), "v1.5-latents-grid");
         assert_eq!(name(Path::new("later.arrow")), "later");
+    }
+
+    #[test]
+    fn figures_under_one_question_are_told_apart_without_being_seen() {
+        let dir = tempfile::tempdir().expect("folder");
+        let file = |title: &str| {
+            let path = dir.path().join(format!("{title}.svg"));
+            std::fs::write(&path, svg::render(&Picture::new(9.0, 9.0, format!("coloured by {title}"))))
+                .expect("figure");
+            path
+        };
+        let outcome =
+            Outcome { line: "umap: 9 latents".into(), files: vec![file("time"), file("reward")], ..Outcome::default() };
+        let (section, _) = answer(Ok(outcome), Section { title: "What is near?".into(), ..Section::default() });
+        let alts: Vec<&str> = section.figures.iter().map(|figure| figure.alt.as_str()).collect();
+        assert_eq!(alts, ["coloured by time", "coloured by reward"]);
+        assert_eq!(shown("<svg/>".into(), "What?", "nothing").alt, "What? nothing");
     }
 
     #[test]

@@ -129,12 +129,14 @@ fn progress(options: &Options, run: &Path) -> anyhow::Result<Outcome> {
     let mut shown: Vec<u32> = if options.episodes.is_empty() { spread.collect() } else { options.episodes.clone() };
     shown.sort_unstable();
     shown.dedup();
-    let evaluations = Run::read(run).ok().and_then(|run| run.series.get(HELD_OUT_RETURN).cloned()).unwrap_or_default();
+    let read = Run::read(run).ok();
+    let sees_videos = read.as_ref().is_some_and(Run::sees_videos);
+    let evaluations = read.and_then(|run| run.series.get(HELD_OUT_RETURN).cloned()).unwrap_or_default();
     let name = run.file_name().map_or_else(|| "run".into(), |name| name.to_string_lossy().into_owned());
     let out = options.input.output().unwrap_or_else(|| run.join("figures"));
     std::fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
     let path = out.join("scene.rrd");
-    Progress { name: &name, replay: &replay, shown: &shown, evaluations: &evaluations }.write(&path)?;
+    Progress { name: &name, replay: &replay, shown: &shown, evaluations: &evaluations, sees_videos }.write(&path)?;
     let line = format!(
         "scene: {} of the {} episodes of the run, as the policy improved; open it with `rerun {}`",
         shown.len(),

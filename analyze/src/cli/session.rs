@@ -22,7 +22,7 @@ use vibes_measure::Table;
 /// A table of latents that a verb looks at, and where its output goes.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct TableInput {
-    /// A table of latents (Arrow, Parquet, CSV, npy, npz) or a folder with some, such as a run [default: the newest below the current folder].
+    /// A table of latents (Arrow, Parquet, CSV, npy, npz), or a folder, such as a run, whose newest latents*.arrow is taken [default: the newest latents*.arrow below the folder runs, or below the current folder].
     #[arg(value_name = "LATENTS")]
     input: Option<PathBuf>,
     /// The same, named by an option.
@@ -43,6 +43,10 @@ pub(super) struct TableInput {
     /// A table of your own (CSV, Parquet, Arrow, npz), joined on episode and step, or on episode alone; may be given several times.
     #[arg(long, value_name = "TABLE")]
     join: Vec<PathBuf>,
+    /// The recording the latents were encoded from [default: the one that their metadata names]. Named here, it also gives the cells of the grid and the rewards where the table
+    /// lacks them, and the rows of a plain array (npy) their keys, in order.
+    #[arg(long, value_name = "FOLDER")]
+    recording: Option<PathBuf>,
 }
 
 /// The same with the recording beside it, for verbs that look into that too.
@@ -50,9 +54,6 @@ pub(super) struct TableInput {
 pub(super) struct Input {
     #[command(flatten)]
     table: TableInput,
-    /// The recording the latents were encoded from [default: the one that their metadata names].
-    #[arg(long, value_name = "FOLDER")]
-    recording: Option<PathBuf>,
     /// Go on without the recording: no pictures, no task state.
     #[arg(long, conflicts_with = "recording")]
     no_frames: bool,
@@ -60,7 +61,7 @@ pub(super) struct Input {
 
 impl From<&TableInput> for Input {
     fn from(table: &TableInput) -> Self {
-        Self { table: table.clone(), recording: None, no_frames: true }
+        Self { table: table.clone(), no_frames: true }
     }
 }
 
@@ -82,8 +83,9 @@ impl Input {
             note: note.map(String::from),
             rows: None,
             join: Vec::new(),
+            recording: owned(recording),
         };
-        Self { table, recording: owned(recording), no_frames: false }
+        Self { table, no_frames: false }
     }
 
     /// The same for a verb that never looks into the recording.
@@ -116,7 +118,7 @@ impl TableInput {
     /// What is asked of the table of latents; `columns` are those that the verb has a use for.
     fn asked(&self, columns: &[String]) -> anyhow::Result<Asked> {
         let rows = self.rows.as_deref().map(str::parse).transpose().map_err(|e: RowsError| wrong(e.to_string()))?;
-        Ok(Asked { rows, joins: self.join.clone(), columns: columns.to_vec() })
+        Ok(Asked { rows, joins: self.join.clone(), columns: columns.to_vec(), recording: self.recording.clone() })
     }
 }
 
@@ -153,11 +155,11 @@ impl Session {
         let table = &input.table;
         let named = table.latents.clone().or_else(|| table.input.clone());
         let (path, how) = match &named {
-            Some(path) if path.is_dir() => (newest_latents(path)?, " (the newest there)"),
+            Some(path) if path.is_dir() => (newest_latents(path)?, " (the newest latents*.arrow there)"),
             Some(path) => (path.clone(), ""),
             None => (
                 newest_latents(Path::new("."))?.strip_prefix(".").map(Path::to_path_buf).unwrap_or_default(),
-                " (the newest; name others with --latents)",
+                " (the newest latents*.arrow; name others with --latents)",
             ),
         };
         let (ReadLatents { latents, columns, remarks }, origin) = read_with_origin(&path, &table.asked(columns)?)?;
@@ -173,7 +175,7 @@ impl Session {
             "latents": place(&path), "rows": latents.len(), "where": table.rows, "dims": latents.dims,
             "checkpoint": latents.source.checkpoint, "note": table.note,
             // What was named beside the latents: the same numbers need the same tables and the same recording again.
-            "join": table.join.iter().map(place).collect::<Vec<_>>(), "recording": input.recording.as_ref().map(place), "no_frames": input.no_frames,
+            "join": table.join.iter().map(place).collect::<Vec<_>>(), "recording": table.recording.as_ref().map(place), "no_frames": input.no_frames,
         });
         let outcome = Outcome { remarks, ..Outcome::default() };
         let (seed, input) = (table.seed, input.clone());
@@ -200,7 +202,7 @@ impl Session {
         if self.input.no_frames {
             return Ok(None);
         }
-        if let Some(path) = &self.input.recording {
+        if let Some(path) = &self.input.table.recording {
             return Ok(Some(path.clone()));
         }
         let Some(named) = &self.latents.source.recording else { return Ok(None) };

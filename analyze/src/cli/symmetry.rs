@@ -239,8 +239,9 @@ fn sheet(session: &Session, rows: &Rows, measured: &Symmetry) -> NeighbourSheet 
         neighbours: vec![(thumb(p.rotated), p.latent), (thumb(p.matched), p.matched_latent)],
     };
     NeighbourSheet {
-        heading: session.heading("A row, a rotation of its state (1), a picture as different (2)"),
+        heading: session.heading("A row, a rotation of its state, and a row that looks as different"),
         distance: "standardized L2 distance".into(),
+        rows: ["row", "rotated", "looks as different"].map(String::from).to_vec(),
         columns: pairs.iter().take(SHOWN).map(column).collect(),
     }
 }

@@ -1,5 +1,8 @@
 //! `table`: numbers of many runs in the form of the paper's Table 1.
 
+#[cfg(test)]
+mod tests;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
@@ -7,16 +10,16 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use serde_json::json;
 
-use super::{Globals, Outcome, distinct_places, wrong};
+use super::{Globals, Outcome, distinct_places, gaps, wrong};
 use crate::figures::{Entry, Figure, Heading, Table};
-use crate::input::{Cell, Results, Rows, RowsError, choices};
-use crate::metrics::{Metric, RETURNS};
+use crate::input::{Cell, Results, Rows, RowsError, Run, choices};
+use crate::metrics::{HELD_OUT_RETURN, Metric, RETURN_GAP, RETURNS, TRAINING_VIDEOS_RETURN};
 use crate::output::{self, Column, write_csv, write_parquet};
-use crate::scores::{Mark, RunScore, ScoreTable, Style, score_table};
+use crate::scores::{self, Mark, RunScore, ScoreTable, Style, score_table};
 
 /// Write a table over runs: mean and 95% interval of any metric, by any keys.
 ///
-/// The best of each column is bold, and those whose interval overlaps with its are underlined. A run's metric is that of `vibes-train evaluate` of the newest checkpoint that it judged, else of its last evaluation, else the mean of its last tenth. Keys are what run.json holds (`objective`, `task`, `seed`: what the run was
+/// The best of each column is bold, and those whose interval overlaps with its are underlined, where there are several runs of one kind. A run's metric is that of `vibes-train evaluate` of the newest checkpoint that it judged, else of its last evaluation, else the mean of its last tenth. Keys are what run.json holds (`objective`, `task`, `seed`: what the run was
 /// asked to do, or in full, as in `model.reward_scale`, what came of it) and `run`, the folder's name; of a table of results they are its columns. Written as Markdown, LaTeX, CSV, Parquet and as a figure.
 #[derive(Debug, clap::Args)]
 pub(super) struct Options {
@@ -46,14 +49,19 @@ pub(super) struct Options {
     note: Option<String>,
 }
 
-/// Most rows of the figure, so that it can be drawn at all.
+/// Most rows of a figure, so that it can be drawn at all.
 const DRAWN: usize = 200;
+
+/// Why a table of so many rows has no figure, if it has none.
+pub(super) fn too_long(rows: usize) -> Option<String> {
+    (rows > DRAWN).then(|| format!("it would have {rows} rows, and at most {DRAWN} are drawn"))
+}
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
     let rows = options.rows.as_deref().map(str::parse).transpose().map_err(|e: RowsError| wrong(e.to_string()))?;
     distinct_places(&options.runs)?;
     let results = Results::open(&options.runs)?;
-    let metrics = metrics(options, &results)?;
+    let metrics = metrics(options, &results, rows.as_ref())?;
     let by = if options.by.is_empty() { vec![usual_key(&results)] } else { options.by.clone() };
     let Read { scores, across, rows, without } = scores(options, &results, rows.as_ref(), &metrics, &by)?;
     let table = score_table(&scores);
@@ -64,16 +72,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     let out = options.output.clone().unwrap_or_else(|| beside(&options.runs[0]));
     std::fs::create_dir_all(&out).with_context(|| format!("cannot create the folder {}", out.display()))?;
     let mut outcome = Outcome { files: write(&out, &table, &corner, averages)?, ..Outcome::default() };
-    let title = match metrics.as_slice() {
-        [only] => format!("{}, mean and 95% interval over runs", only.title),
-        _ => "Mean and 95% interval over runs".into(),
-    };
-    let heading = Heading::new(title).with_note(options.note.clone());
-    let of = if results.are_runs() {
-        "vibes-train evaluate, else last evaluation, else mean of the last tenth; "
-    } else {
-        ""
-    };
+    let heading = Heading::new(title(&metrics, &table)).with_note(options.note.clone());
+    let of =
+        if results.are_runs() { "vibes-train evaluate, else last evaluation, else mean of the last tenth" } else { "" };
     let document = output::document(
         &json!({
             "program": "vibes-analyze", "version": env!("CARGO_PKG_VERSION"), "verb": "table", "by": by, "where": options.rows,
@@ -88,6 +89,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     outcome.files.push(path);
     outcome.json = document;
     outcome.remarks = results.remarks();
+    outcome.remarks.extend(gap_remarks(&results, &metrics));
     if !without.is_empty() {
         let lack: Vec<String> = without.iter().map(|(method, count)| format!("{count} of {method}")).collect();
         outcome.remarks.push(format!(
@@ -96,26 +98,58 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
             lack.join(", ")
         ));
     }
-    if table.methods.len() > DRAWN {
-        let fact = format!("it would have {} rows, and at most {DRAWN} are drawn", table.methods.len());
+    if let Some(fact) = too_long(table.methods.len()) {
         outcome.leave_out(&out, "table", &fact);
     } else {
         outcome.save(&Figure::Table(figure(heading, &table, &corner, averages, of)), &out, "table")?;
     }
     let names: Vec<&str> = metrics.iter().map(|metric| metric.name.as_str()).collect();
     let body: Vec<String> = text.lines().map(|line| format!("  {line}")).collect();
-    let marks = if terminal { "bold: best; underlined" } else { "*: best; ~" };
     outcome.line = format!(
-        "table: {} of {rows} {} by {corner} ({marks}: its 95% interval overlaps with the best's)\n{}",
+        "table: {} of {rows} {} by {corner}{}\n{}",
         names.join(", "),
         if rows == 1 { "run" } else { "runs" },
+        if table.has_marks(averages) { marks(terminal) } else { "" },
         body.join("\n")
     );
     Ok(outcome)
 }
 
+/// After how many updates of the critic the gaps of the table were read, and what must be said of them.
+fn gap_remarks(results: &Results, metrics: &[Metric]) -> Vec<String> {
+    let shown: Vec<&str> = metrics.iter().map(|metric| metric.name.as_str()).collect();
+    if !gaps::GAPS.iter().any(|gap| shown.contains(gap)) {
+        return Vec::new();
+    }
+    let runs: Vec<(&str, &Run)> = results.runs().map(|run| (run.name.as_str(), run)).collect();
+    let said = gaps::remarks(&runs, &shown);
+    let known: BTreeSet<u64> = runs.iter().filter_map(|(_, run)| run.gap_updates()).collect();
+    let one = known.first().filter(|_| known.len() == 1);
+    let of_one = one.map(|updates| format!("gaps are those after {updates} updates of the critic, where runs say so"));
+    of_one.into_iter().chain(said).collect()
+}
+
+/// What the marks of a table of text mean.
+fn marks(terminal: bool) -> &'static str {
+    if terminal {
+        " (bold: best; underlined: its 95% interval overlaps with the best's)"
+    } else {
+        " (*: best; ~: its 95% interval overlaps with the best's)"
+    }
+}
+
+/// What the figure shows: intervals over runs only where an entry is of several.
+fn title(metrics: &[Metric], table: &ScoreTable) -> String {
+    match (metrics, table.has_intervals()) {
+        ([only], true) => format!("{}, mean and 95% interval over runs", only.title),
+        ([only], false) => only.title.clone(),
+        (_, true) => "Mean and 95% interval over runs".into(),
+        (_, false) => "Numbers of single runs".into(),
+    }
+}
+
 /// The metrics asked for, or those that the results have.
-fn metrics(options: &Options, results: &Results) -> anyhow::Result<Vec<Metric>> {
+fn metrics(options: &Options, results: &Results, rows: Option<&Rows>) -> anyhow::Result<Vec<Metric>> {
     let names = results.names();
     let returns = || RETURNS.into_iter().find(|name| names.contains(*name)).map(String::from);
     let mut seen = BTreeSet::new();
@@ -134,11 +168,24 @@ fn metrics(options: &Options, results: &Results) -> anyhow::Result<Vec<Metric>> 
     if let Some(idle) = options.lower.iter().find(|name| !chosen.contains(name)) {
         return Err(wrong(format!("--lower {idle} has no effect: the table is of {}", chosen.join(", "))));
     }
+    let sees_videos = sees_videos(results, rows)?;
     let metric = |name: &String| {
         let metric = Metric::named(name);
+        let metric = if sees_videos { metric } else { metric.without_videos() };
         Metric { higher_is_better: metric.higher_is_better && !options.lower.contains(name), ..metric }
     };
     Ok(chosen.iter().map(metric).collect())
+}
+
+/// Whether returns were evaluated under videos in some of the runs: the two sets differ, or there is a gap between them.
+fn sees_videos(results: &Results, rows: Option<&Rows>) -> anyhow::Result<bool> {
+    let all = [HELD_OUT_RETURN, TRAINING_VIDEOS_RETURN, RETURN_GAP];
+    let names: Vec<String> = all.into_iter().filter(|name| results.has(name)).map(String::from).collect();
+    if !names.iter().map(String::as_str).eq([HELD_OUT_RETURN, TRAINING_VIDEOS_RETURN]) {
+        return Ok(true);
+    }
+    let found = results.read_with(&[], &names, rows)?;
+    Ok(found.iter().any(|row| row[0].number() != row[1].number()))
 }
 
 fn usual_key(results: &Results) -> String {
@@ -224,7 +271,7 @@ fn write(out: &Path, table: &ScoreTable, corner: &str, averages: bool) -> anyhow
         (0..table.methods.len()).flat_map(row)
     };
     let texts = |of: &dyn Fn(usize, usize) -> String| Column::Text(entries().map(|(r, c, _)| of(r, c)).collect());
-    let numbers = |of: fn(&crate::scores::Entry) -> f64| Column::Float64(entries().map(|(_, _, e)| of(e)).collect());
+    let numbers = |of: fn(&scores::Entry) -> f64| Column::Float64(entries().map(|(_, _, e)| of(e)).collect());
     let mark = |mark: Mark| match mark {
         Mark::Best => "best",
         Mark::Tied => "tied",
@@ -246,14 +293,7 @@ fn write(out: &Path, table: &ScoreTable, corner: &str, averages: bool) -> anyhow
 
 /// The table as a figure.
 fn figure(heading: Heading, table: &ScoreTable, corner: &str, averages: bool, of: &str) -> Table {
-    let entry = |entry: &Option<crate::scores::Entry>| {
-        entry.as_ref().map(|entry| Entry {
-            mean: entry.score.estimate,
-            half: Some(entry.score.high - entry.score.estimate).filter(|half| half.is_finite()),
-            best: entry.mark == Mark::Best,
-            tied: entry.mark == Mark::Tied,
-        })
-    };
+    let entry = |entry: &Option<scores::Entry>| entry.as_ref().map(Entry::from);
     let averages = averages && table.has_averages();
     let mut columns = table.tasks.clone();
     columns.extend(averages.then(|| "average".to_string()));
@@ -265,6 +305,6 @@ fn figure(heading: Heading, table: &ScoreTable, corner: &str, averages: bool, of
         }
         (table.methods[r].clone(), entries)
     };
-    let foot = format!("{of}bold: best of its column, underlined: its 95% interval overlaps with the best's");
-    Table { heading, corner: corner.into(), columns, rows: (0..table.methods.len()).map(row).collect(), foot }
+    let rows = (0..table.methods.len()).map(row).collect();
+    Table { heading, corner: corner.into(), columns, rows, by_row: false, foot: of.into() }
 }

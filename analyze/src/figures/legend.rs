@@ -1,63 +1,23 @@
 //! Keys to colours: a bar for quantities, labels for series and kinds.
 
+mod bar;
+
 use plotters::element::{DashedPathElement, IntoDynElement as _};
 use plotters::prelude::{
     ChartBuilder, Circle, Color as _, IntoDrawingArea as _, IntoFont as _, PathElement, Rectangle, SeriesLabelPosition,
 };
-use plotters::style::FontTransform;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+pub(super) use bar::{bar_room, color_bar};
 
 use super::axes::{Drawn, rgba};
-use crate::picture::color::{Color, INK, dash, viridis};
+use crate::picture::color::{Color, INK, dash};
 use crate::picture::font::{Weight, fit_ends, width};
-use crate::picture::number::{LABEL_SIZE, TICK_SIZE, tick};
+use crate::picture::number::{LABEL_SIZE, TICK_SIZE};
 use crate::picture::plot::{Canvas, UNITS, units, width_units};
-use crate::picture::{Picture, Rect, TextStyle};
+use crate::picture::{Picture, TextStyle};
 
-/// Room that a colour bar's ticks and title take right of the bar, points.
+/// Least room that a colour bar takes with its gap, its ticks and its title, points.
 pub(super) const BAR_ROOM: f64 = 40.0;
-
-/// Draws an upright viridis bar with ticks on its right and its title reading upwards.
-pub(super) fn color_bar(picture: &mut Picture, area: Rect, lo: f64, hi: f64, title: &str) {
-    if let Err(error) = bar(picture, area, (lo, if hi > lo { hi } else { lo + 1.0 }), title) {
-        picture.text((area.x, area.y), error.to_string(), TextStyle::new(TICK_SIZE));
-    }
-    picture.frame(area, 0.4, INK);
-}
-
-fn bar(picture: &mut Picture, area: Rect, (lo, hi): (f64, f64), title: &str) -> Drawn {
-    let root = Canvas::new(picture).into_drawing_area();
-    let size = (width_units(area.w + BAR_ROOM - 6.0), width_units(area.h));
-    let part = root.shrink((units(area.x), units(area.y)), size);
-    let mut chart = ChartBuilder::on(&part)
-        .right_y_label_area_size(width_units(BAR_ROOM - 6.0))
-        .build_cartesian_2d(0.0..1.0, lo..hi)?;
-    let parts = 64;
-    let piece = |i: i32| {
-        let at = |i: f64| lo + (hi - lo) * i / f64::from(parts);
-        // A little overlap hides the seams between neighbouring pieces.
-        let to = (f64::from(i) + if i + 1 < parts { 1.3 } else { 1.0 }).min(f64::from(parts));
-        let color = rgba(viridis((f64::from(i) + 0.5) / f64::from(parts)));
-        Rectangle::new([(0.0, at(f64::from(i))), (1.0, at(to))], color.filled())
-    };
-    chart.draw_series((0..parts).map(piece))?;
-    let largest = lo.abs().max(hi.abs());
-    let ink = rgba(INK);
-    chart
-        .configure_mesh()
-        .disable_mesh()
-        .disable_x_axis()
-        .axis_style(ink.stroke_width(width_units(0.5)))
-        .set_all_tick_mark_size(units(2.0))
-        .label_style(("sans-serif", TICK_SIZE * UNITS).into_font().color(&ink))
-        .y_labels(((area.h / 28.0) as usize).clamp(2, 6))
-        .y_label_formatter(&|value| tick(*value, largest))
-        .draw()?;
-    let style = ("sans-serif", LABEL_SIZE * UNITS).into_font().color(&ink).transform(FontTransform::Rotate270);
-    let style = style.pos(Pos::new(HPos::Center, VPos::Bottom));
-    let at = (units(area.w + BAR_ROOM - 12.0), units(area.h / 2.0));
-    part.draw_text(title, &style, at)
-}
 
 /// How a series is marked in a legend: as it is drawn in its chart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

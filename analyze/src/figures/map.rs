@@ -1,20 +1,33 @@
 //! The map: every row of the table as a point in the plane, coloured by a quantity or by kind.
 
+mod foot;
+mod place;
+#[cfg(test)]
+mod tests;
+
 use std::collections::BTreeMap;
 
 use plotters::prelude::{Circle, Color as _};
 
+pub(super) use foot::{Foot, said_left_out, said_outside};
+pub(super) use place::{Placed, Window};
+
 use super::axes::{Axes, chart, rgba};
-use super::coloring::{Coloring, range};
+use super::coloring::{Coloring, Scale};
 use super::heading::Heading;
-use super::legend::{self, BAR_ROOM, Mark};
+use super::legend::{self, Mark};
 use crate::picture::color::{CONTEXT, Color, FAINT, RULE};
 use crate::picture::number::LABEL_SIZE;
 use crate::picture::plot::units;
 use crate::picture::{COLUMN, Picture, Point, Rect, TextStyle};
+use foot::said_thinned;
 
 /// More points than this are thinned evenly before drawing, and the figure says so.
 const MOST: usize = 40_000;
+/// Left and right of the area, points.
+const BESIDE: (f64, f64) = (16.0, 10.0);
+/// Beneath the area, where the name of the first axis stands, points.
+const BELOW: f64 = 14.0;
 
 /// The map.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,80 +48,104 @@ impl Map {
     /// Draws the map at column width.
     #[must_use]
     pub fn draw(&self) -> Picture {
-        let names = self.coloring.names();
-        let w = COLUMN - 16.0 - 10.0 - if names.is_empty() { BAR_ROOM } else { 0.0 };
-        let all = [self.points.as_slice(), &self.backdrop].concat();
-        let h = w * aspect(&all);
+        let scale = self.coloring.scale();
+        let (names, colors) = self.coloring.entries(0..self.points.len(), CONTEXT);
         let key = legend::label_height(&names, COLUMN - 12.0);
-        let every = all.len().div_ceil(MOST).max(1);
-        let foot = if every > 1 { 9.0 } else { 0.0 };
-        let (mut picture, top) = self.heading.picture(COLUMN, h + 14.0 + key + foot);
-        let area = Rect::new(16.0, top, w, h);
-        let radius = radius(all.len());
-        let (centers, _) = fit_points(&all, area.w, area.h);
-        let (centers, beneath) = centers.split_at(self.points.len());
-        let beneath: Vec<Point> = beneath.iter().step_by(every).copied().collect();
-        let layers = [(beneath, CONTEXT)].into_iter().chain(self.layers(centers, every));
+        let w = COLUMN - BESIDE.0 - BESIDE.1 - self.bar_room(&scale);
+        let all = [self.points.as_slice(), &self.backdrop].concat();
+        let window = Window::of(&all);
+        let h = w * window.aspect();
+        let placed = window.place(&all, (w, h));
+        let foot = self.foot(&placed);
+        let (mut picture, top) = self.heading.picture(COLUMN, h + BELOW + key + foot.height());
+        let area = Rect::new(BESIDE.0, top, w, h);
+        self.draw_points(&mut picture, area, &placed, &scale);
+        frame(&mut picture, area, &self.axes);
+        self.draw_bar(&mut picture, area, &scale);
+        let at = (8.0, area.bottom() + BELOW);
+        legend::labels(&mut picture, at, (&names, &colors), Mark::Point, COLUMN - 12.0);
+        foot.write(&mut picture, (BESIDE.0, at.1 + key));
+        picture
+    }
+
+    fn draw_bar(&self, picture: &mut Picture, area: Rect, scale: &Scale) {
+        if let Coloring::Quantity { name, .. } = &self.coloring {
+            let bar = Rect::new(area.right() + 6.0, area.y, 7.0, area.h);
+            legend::color_bar(picture, bar, scale.span.as_ref(), name);
+        }
+    }
+
+    /// The room of a colour bar, if there is one.
+    fn bar_room(&self, scale: &Scale) -> f64 {
+        match &self.coloring {
+            Coloring::Quantity { .. } => legend::bar_room(scale.span.as_ref()),
+            Coloring::Kind { .. } => 0.0,
+        }
+    }
+
+    fn foot(&self, placed: &Placed) -> Foot {
+        let count = placed.count();
+        let lacking = self.coloring.lacking(0..self.points.len(), "grey");
+        let facts = [lacking, said_thinned(count, every(placed)), said_outside(placed.outside(0..count))];
+        Foot::of(facts, COLUMN - BESIDE.0 - BESIDE.1)
+    }
+
+    /// Draws the points, and beyond them the triangles of those outside.
+    fn draw_points(&self, picture: &mut Picture, area: Rect, placed: &Placed, scale: &Scale) {
+        let (w, h, every) = (area.w, area.h, every(placed));
+        let radius = radius(placed.count());
         let axes = Axes { area, x: (0.0, w), y: (0.0, h), x_title: None, y_axis: false, x_rules: false };
-        chart(&mut picture, axes, |chart| {
+        let layers = self.layers(placed, every, scale);
+        chart(picture, axes, |chart| {
             for (list, color) in layers {
                 let style = rgba(color).filled();
                 chart.draw_series(list.iter().map(|&(x, y)| Circle::new((x, h - y), units(radius), style)))?;
             }
             Ok(())
         });
-        frame(&mut picture, area, &self.axes);
-        if let Coloring::Quantity { name, .. } = &self.coloring {
-            let (lo, hi) = self.coloring.scale().range;
-            legend::color_bar(&mut picture, Rect::new(area.right() + 6.0, area.y, 7.0, area.h), lo, hi, name);
-        } else {
-            let at = (8.0, area.bottom() + 14.0);
-            legend::labels(&mut picture, at, (&names, &self.coloring.colors()), Mark::Point, COLUMN - 12.0);
+        for point in drawn(placed.count(), self.points.len(), every).filter(|&point| placed.center(point).is_none()) {
+            picture.polygon(&placed.triangle(point, (area.x, area.y)), self.color(point, scale));
         }
-        if every > 1 {
-            let text = format!("every {every}th of {} points is drawn", all.len());
-            let at = (16.0, picture.height - 3.0);
-            picture.text(at, text, TextStyle::new(6.0).color(FAINT));
-        }
-        picture
     }
 
-    /// Points by colour, in eight passes over the table, so that no colour always lies on top.
-    fn layers(&self, centers: &[Point], every: usize) -> Vec<(Vec<Point>, Color)> {
-        const PASSES: usize = 8;
-        let scale = self.coloring.scale();
-        let mut layers: BTreeMap<(usize, i64), Vec<Point>> = BTreeMap::new();
-        for (i, &center) in centers.iter().enumerate().step_by(every) {
-            // A fixed hash of the row spreads neighbours in time over the passes.
-            let pass = (i.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) % PASSES;
-            layers.entry((pass, self.coloring.level(i, &scale))).or_default().push(center);
-        }
-        layers.into_iter().map(|((_, level), list)| (list, self.coloring.color(level))).collect()
+    /// A point's colour; those of the backdrop come behind the own ones.
+    fn color(&self, point: usize, scale: &Scale) -> Color {
+        let level = if point < self.points.len() { self.coloring.level(point, scale) } else { -1 };
+        self.coloring.color(level, CONTEXT)
     }
+
+    /// Points by colour, those of the backdrop first and the own ones in eight passes over the table, so that no colour always lies on top.
+    fn layers(&self, placed: &Placed, every: usize, scale: &Scale) -> Vec<(Vec<Point>, Color)> {
+        const PASSES: usize = 8;
+        let mut layers: BTreeMap<(usize, i64), Vec<Point>> = BTreeMap::new();
+        for point in drawn(placed.count(), self.points.len(), every) {
+            let Some(center) = placed.center(point) else { continue };
+            let key = if point < self.points.len() {
+                // A fixed hash of the row spreads neighbours in time over the passes.
+                let pass = (point.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) % PASSES;
+                (1 + pass, self.coloring.level(point, scale))
+            } else {
+                (0, -1)
+            };
+            layers.entry(key).or_default().push(center);
+        }
+        layers.into_iter().map(|((_, level), list)| (list, self.coloring.color(level, CONTEXT))).collect()
+    }
+}
+
+/// One of so many points is drawn.
+fn every(placed: &Placed) -> usize {
+    placed.count().div_ceil(MOST).max(1)
+}
+
+/// The points that are drawn, of which the first are the map's own.
+fn drawn(count: usize, own: usize, every: usize) -> impl Iterator<Item = usize> {
+    (0..own).step_by(every).chain((own..count).step_by(every))
 }
 
 /// A radius at which this many points neither vanish nor melt together, points.
-pub(super) fn radius(count: usize) -> f64 {
+fn radius(count: usize) -> f64 {
     (28.0 / (count.max(1) as f64).sqrt()).clamp(0.35, 1.5)
-}
-
-/// Height over width of the points' box, kept between half and 1.
-pub(super) fn aspect(points: &[[f64; 2]]) -> f64 {
-    let extent = |d: usize| {
-        let (lo, hi) = range(&points.iter().map(|p| p[d]).collect::<Vec<_>>());
-        hi - lo
-    };
-    (extent(1) / extent(0).max(1e-9)).clamp(0.5, 1.0)
-}
-
-/// Points placed in a box of `w × h` with a margin, both axes to the same scale and y upwards; also returns the scale.
-pub(super) fn fit_points(points: &[[f64; 2]], w: f64, h: f64) -> (Vec<Point>, f64) {
-    let axis = |d: usize| range(&points.iter().map(|p| p[d]).collect::<Vec<_>>());
-    let ((x0, x1), (y0, y1)) = (axis(0), axis(1));
-    let margin = 0.04 * w.min(h);
-    let scale = ((w - 2.0 * margin) / (x1 - x0).max(1e-9)).min((h - 2.0 * margin) / (y1 - y0).max(1e-9));
-    let (cx, cy) = ((x0 + x1) / 2.0, (y0 + y1) / 2.0);
-    (points.iter().map(|p| (w / 2.0 + (p[0] - cx) * scale, h / 2.0 - (p[1] - cy) * scale)).collect(), scale)
 }
 
 /// The frame of a map: its axes have no unit, so they carry names and no ticks.

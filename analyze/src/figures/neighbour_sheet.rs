@@ -1,5 +1,8 @@
 //! The neighbour sheet (Figures 4b and 5 of the paper): each column a query on top and its nearest neighbours beneath.
 
+#[cfg(test)]
+mod tests;
+
 use std::sync::Arc;
 
 use super::heading::Heading;
@@ -37,6 +40,8 @@ pub struct NeighbourSheet {
     pub heading: Heading,
     /// What the number under each neighbour is, as in "standardized L2 distance".
     pub distance: String,
+    /// What the pictures from top to bottom are, the query first, where they are no neighbours; empty where they are.
+    pub rows: Vec<String>,
     /// One column a query.
     pub columns: Vec<SheetColumn>,
 }
@@ -71,9 +76,7 @@ impl NeighbourSheet {
         let width = if self.columns.len() <= 6 { COLUMN } else { PAGE };
         let bands = self.columns.len().div_ceil(layout.per_band).max(1);
         let band = layout.neighbour(layout.ranks) + 10.0;
-        let foot =
-            format!("Under each picture its episode:step; under neighbours also the {} to the query.", self.distance);
-        let foot = wrap(&foot, 6.0, Weight::Regular, width - 12.0);
+        let foot = wrap(&self.foot(), 6.0, Weight::Regular, width - 12.0);
         let (mut picture, top) = self.heading.picture(width, bands as f64 * band + 2.0 + 8.0 * foot.len() as f64);
         for (i, columns) in self.columns.chunks(layout.per_band).enumerate() {
             self.band(&mut picture, &layout, columns, top + i as f64 * band);
@@ -83,6 +86,15 @@ impl NeighbourSheet {
             picture.text((6.0, first + 8.0 * i as f64), line, TextStyle::new(6.0).color(FAINT));
         }
         picture
+    }
+
+    /// What stands under the pictures.
+    fn foot(&self) -> String {
+        let (others, query) = match self.rows.first() {
+            Some(first) => ("the others", first.as_str()),
+            None => ("neighbours", "query"),
+        };
+        format!("Under each picture its episode:step; under {others} also the {} to the {query}.", self.distance)
     }
 
     fn layout(&self) -> Layout {
@@ -105,12 +117,15 @@ impl NeighbourSheet {
 
     fn band(&self, picture: &mut Picture, layout: &Layout, columns: &[SheetColumn], top: f64) {
         let middle = |y: f64| y + layout.image.1 / 2.0;
-        let side = TextStyle::new(6.0).anchor(Anchor::Middle).color(INK).upwards();
-        picture.text((11.0, middle(top + 8.0)), "query", side);
+        let query = self.rows.first().map_or("query", String::as_str);
+        upwards(picture, query, (middle(top + 8.0), layout.image.1), INK);
         for rank in 0..layout.ranks {
-            let y = top + layout.neighbour(rank);
+            let y = middle(top + layout.neighbour(rank));
             let style = TextStyle::new(6.0).anchor(Anchor::Middle).color(FAINT);
-            picture.text((9.0, middle(y) + 2.0), (rank + 1).to_string(), style);
+            match self.rows.get(rank + 1) {
+                Some(name) => upwards(picture, name, (y, layout.image.1), FAINT),
+                None => picture.text((9.0, y + 2.0), (rank + 1).to_string(), style),
+            }
         }
         for (i, column) in columns.iter().enumerate() {
             self.column(picture, layout, column, (16.0 + i as f64 * layout.cell, top));
@@ -144,6 +159,15 @@ impl NeighbourSheet {
                 picture.text((center, below), one_line(neighbour, *distance), small);
             }
         }
+    }
+}
+
+/// What the pictures of a row are, reading upwards beside them, in two lines if one is too long for their height.
+fn upwards(picture: &mut Picture, name: &str, (middle, room): (f64, f64), color: Color) {
+    let style = TextStyle::new(6.0).anchor(Anchor::Middle).color(color).upwards();
+    let lines = wrap(name, 6.0, Weight::Regular, room);
+    for (before, line) in lines.iter().take(2).rev().enumerate() {
+        picture.text((11.0 - 6.0 * before as f64, middle), fit(line, 6.0, Weight::Regular, room), style);
     }
 }
 

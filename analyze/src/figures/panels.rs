@@ -1,17 +1,22 @@
 //! Figure 4a of the paper for any n × m: rows share a state trajectory, columns a distractor trajectory, every panel shows all points in
 //! grey and its own trajectory coloured by time, or by a column of the table.
 
+mod layout;
+#[cfg(test)]
+mod tests;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::coloring::{Coloring, Scale};
+use super::coloring::{Coloring, Scale, Span};
 use super::heading::Heading;
 use super::legend::{self, BAR_ROOM, Mark};
-use super::map::{aspect, fit_points};
+use super::map::{Foot, Placed, Window, said_left_out, said_outside};
 use crate::picture::color::{CONTEXT, Color, FAINT, RULE, viridis};
 use crate::picture::font::{Weight, fit};
 use crate::picture::number::LABEL_SIZE;
-use crate::picture::{Anchor, COLUMN, PAGE, Picture, Point, Rect, TextStyle};
+use crate::picture::{Anchor, Picture, Point, Rect, TextStyle};
+use layout::{Layout, dot, own_dot};
 
 /// The grey background never holds more points than this; more are thinned evenly.
 const MOST: usize = 20_000;
@@ -50,149 +55,137 @@ pub struct Panels {
     pub coloring: Option<Coloring>,
 }
 
+/// The rows of a trajectory that have one colour.
+type Layer = (Color, Vec<usize>);
+
 impl Panels {
     /// Draws the figure: up to five columns fill one column of a paper, more fill the page.
     #[must_use]
     pub fn draw(&self) -> Picture {
-        let (rows, columns) = (self.states.len().max(1), self.distractors.len().max(1));
-        let width = if columns <= 5 { COLUMN } else { PAGE };
-        let (left, gap) = (18.0, 2.5);
-        let side = ((width - left - BAR_ROOM) / columns as f64 - gap).min(90.0);
-        let high = side * aspect(&self.points);
-        let shown = self.panels.iter().flat_map(|panel| panel.rows.iter().copied());
-        let coloring = self.coloring.as_ref().map(|coloring| coloring.of_shown(shown));
-        let names = coloring.as_ref().map_or_else(Vec::new, Coloring::names);
-        let key = legend::label_height(&names, width - 12.0);
-        let body = rows as f64 * (high + gap) + 4.0;
-        let (mut picture, top) = self.heading.picture(width, 21.0 + body + key);
-        let top = top + 21.0;
-        let (centers, _) = fit_points(&self.points, side, high);
-        let every = centers.len().div_ceil(MOST).max(1);
-        let cloud: Arc<Vec<Point>> = Arc::new(centers.iter().step_by(every).copied().collect());
-        let (time, scale) = (self.time(), coloring.as_ref().map(Coloring::scale));
-        let colored = coloring.as_ref().zip(scale.as_ref());
-        for (r, &state) in self.states.iter().enumerate() {
-            for (c, &distractor) in self.distractors.iter().enumerate() {
-                let area = Rect::new(left + c as f64 * (side + gap), top + r as f64 * (high + gap), side, high);
-                picture.dots((area.x, area.y), cloud.clone(), dot(side, cloud.len()), CONTEXT);
-                let panel = self.panels.iter().find(|p| p.state == state && p.distractor == distractor);
-                let rows = panel.map_or(&[][..], |p| &p.rows);
-                self.trajectory(&mut picture, area, &self.layers(rows, &centers, time, colored));
-            }
+        let coloring = self.coloring.as_ref().map(|coloring| coloring.of_shown(self.shown()));
+        let entries = coloring.as_ref().map(|coloring| coloring.entries(self.shown(), FAINT));
+        let (names, colors) = entries.unwrap_or_default();
+        let bar = self.bar();
+        let room = bar.as_ref().map_or(BAR_ROOM, |(span, _)| legend::bar_room(span.as_ref()));
+        let window = Window::of(&self.points);
+        let layout = Layout::new((self.states.len(), self.distractors.len()), window.aspect(), room);
+        let placed = window.place(&self.points, (layout.side, layout.high));
+        let (key, foot) = (legend::label_height(&names, layout.width - 12.0), self.foot(&placed, layout.width));
+        let (mut picture, top) = self.heading.picture(layout.width, layout.body() + key + foot.height());
+        let layout = layout.below(top);
+        self.draw_cells(&mut picture, &layout, &placed, coloring.as_ref());
+        self.labels(&mut picture, &layout);
+        if let Some((span, title)) = &bar {
+            legend::color_bar(&mut picture, layout.bar(), span.as_ref(), title);
         }
-        self.labels(&mut picture, (left, top), (side, high), gap);
-        let height = (rows as f64 * (high + gap) - gap).min(120.0);
-        let bar = Rect::new(left + columns as f64 * (side + gap) + 4.0, top, 6.0, height);
-        match &coloring {
-            None => legend::color_bar(&mut picture, bar, f64::from(time.0), f64::from(time.1), "step"),
-            Some(coloring @ Coloring::Quantity { name, .. }) => {
-                let (lo, hi) = coloring.scale().range;
-                legend::color_bar(&mut picture, bar, lo, hi, name);
-            }
-            Some(coloring) => {
-                let at = (8.0, top + body);
-                legend::labels(&mut picture, at, (&names, &coloring.colors()), Mark::Point, width - 12.0);
-            }
-        }
+        let under = top + layout.body();
+        legend::labels(&mut picture, (8.0, under), (&names, &colors), Mark::Point, layout.width - 12.0);
+        foot.write(&mut picture, (8.0, under + key));
         picture
+    }
+
+    /// The points of all trajectories that are shown.
+    fn shown(&self) -> impl Iterator<Item = usize> {
+        self.panels.iter().flat_map(|panel| panel.rows.iter().copied())
     }
 
     /// The first and the last step of all trajectories that are shown, which may begin late or end early.
     fn time(&self) -> (u32, u32) {
-        let steps = || self.panels.iter().flat_map(|panel| &panel.rows).map(|&row| self.steps[row]);
+        let steps = || self.shown().map(|row| self.steps[row]);
         (steps().min().unwrap_or(0), steps().max().unwrap_or(0))
     }
 
-    /// A trajectory's points by colour, among trajectories from one step to another; a colouring has one scale for all of them.
-    fn layers(
-        &self,
-        rows: &[usize],
-        centers: &[Point],
-        (first, last): (u32, u32),
-        colored: Option<(&Coloring, &Scale)>,
-    ) -> Vec<(Vec<Point>, Color)> {
+    /// What the colour bar shows, and its title; none of kinds.
+    fn bar(&self) -> Option<(Option<Span>, &str)> {
+        let (first, last) = self.time();
+        match &self.coloring {
+            None => Some((Some(Span::of_counts(first, last)), "step")),
+            Some(coloring @ Coloring::Quantity { name, .. }) => Some((coloring.scale().span, name.as_str())),
+            Some(Coloring::Kind { .. }) => None,
+        }
+    }
+
+    /// What must be known of points that are not there, or are drawn in another way.
+    fn foot(&self, placed: &Placed, width: f64) -> Foot {
+        let lacking = self.coloring.as_ref().and_then(|coloring| coloring.lacking(self.shown(), "dark grey"));
+        let own = placed.outside(self.shown());
+        let others = placed.outside(0..placed.count()).saturating_sub(own);
+        Foot::of([lacking, said_outside(own), said_left_out(others)], width - 16.0)
+    }
+
+    fn draw_cells(&self, picture: &mut Picture, layout: &Layout, placed: &Placed, coloring: Option<&Coloring>) {
+        let inside: Vec<Point> = (0..placed.count()).filter_map(|point| placed.center(point)).collect();
+        let every = inside.len().div_ceil(MOST).max(1);
+        let cloud: Arc<Vec<Point>> = Arc::new(inside.into_iter().step_by(every).collect());
+        let (time, scale) = (self.time(), coloring.map(Coloring::scale));
+        let colored = coloring.zip(scale.as_ref());
+        let most = self.panels.iter().map(|panel| panel.rows.len()).max().unwrap_or(0);
+        let radius = own_dot(layout.side, most);
+        for (r, &state) in self.states.iter().enumerate() {
+            for (c, &distractor) in self.distractors.iter().enumerate() {
+                let area = layout.cell(r, c);
+                picture.dots((area.x, area.y), cloud.clone(), dot(layout.side, cloud.len()), CONTEXT);
+                let panel = self.panels.iter().find(|p| p.state == state && p.distractor == distractor);
+                let rows = panel.map_or(&[][..], |p| &p.rows);
+                self.trajectory(picture, area, &self.layers(rows, time, colored), (placed, radius));
+            }
+        }
+    }
+
+    /// A trajectory's rows by colour, among trajectories from one step to another; a colouring has one scale for all of them.
+    fn layers(&self, rows: &[usize], (first, last): (u32, u32), colored: Option<(&Coloring, &Scale)>) -> Vec<Layer> {
         let whole = i64::from(last - first).max(1);
         let level = |row: usize| match colored {
             Some((coloring, scale)) => coloring.level(row, scale),
             None => (i64::from(self.steps[row] - first) * LEVELS / whole).min(LEVELS - 1),
         };
-        let mut layers: BTreeMap<i64, Vec<Point>> = BTreeMap::new();
+        let mut layers: BTreeMap<i64, Vec<usize>> = BTreeMap::new();
         for &row in rows {
-            layers.entry(level(row)).or_default().push(centers[row]);
+            layers.entry(level(row)).or_default().push(row);
         }
         let color = |level: i64| match colored {
             None => viridis((level as f64 + 0.5) / LEVELS as f64),
-            // Grey would be lost before the grey of all points.
-            Some(_) if level < 0 => FAINT,
-            Some((coloring, _)) => coloring.color(level),
+            // The grey of all points would be lost before them.
+            Some((coloring, _)) => coloring.color(level, FAINT),
         };
-        layers.into_iter().map(|(level, list)| (list, color(level))).collect()
+        layers.into_iter().map(|(level, list)| (color(level), list)).collect()
     }
 
-    /// A cell's own rows, a dot each, by colour; or why there are none.
-    fn trajectory(&self, picture: &mut Picture, area: Rect, layers: &[(Vec<Point>, Color)]) {
+    /// A cell's own rows, a dot each, or a triangle outside, by colour; or why there are none.
+    fn trajectory(&self, picture: &mut Picture, area: Rect, layers: &[Layer], (placed, radius): (&Placed, f64)) {
         picture.frame(area, 0.4, RULE);
         if layers.is_empty() {
             let style = TextStyle::new(5.5).anchor(Anchor::Middle).color(FAINT);
             picture.text((area.x + area.w / 2.0, area.y + area.h / 2.0), self.absent, style);
         }
-        for (list, color) in layers {
-            picture.dots((area.x, area.y), Arc::new(list.clone()), 0.9, *color);
+        for (color, rows) in layers {
+            let inside: Vec<Point> = rows.iter().filter_map(|&row| placed.center(row)).collect();
+            if !inside.is_empty() {
+                picture.dots((area.x, area.y), Arc::new(inside), radius, *color);
+            }
+            for &row in rows.iter().filter(|row| placed.center(**row).is_none()) {
+                picture.polygon(&placed.triangle(row, (area.x, area.y)), *color);
+            }
         }
     }
 
-    fn labels(&self, picture: &mut Picture, at: Point, (side, high): (f64, f64), gap: f64) {
-        let style = TextStyle::new(6.0).anchor(Anchor::Middle);
-        let across = (side + gap) * self.distractors.len() as f64 - gap;
-        let down = (high + gap) * self.states.len() as f64 - gap;
+    fn labels(&self, picture: &mut Picture, layout: &Layout) {
+        let (at, across, down) = (layout.corner(), layout.across(), layout.down());
         let key = TextStyle::new(LABEL_SIZE).anchor(Anchor::Middle).bold();
         let text = |long: &str, short: &str, room: f64| {
             if fit(long, LABEL_SIZE, Weight::Bold, room) == long { long.to_string() } else { short.to_string() }
         };
-        picture.text(
-            (at.0 + across / 2.0, at.1 - 12.0),
-            text("same distractor in a column", "distractor", across),
-            key,
-        );
+        let over = text("same distractor in a column", "distractor", across);
+        picture.text((at.0 + across / 2.0, at.1 - 12.0), over, key);
         picture.text((8.0, at.1 + down / 2.0), text("same state in a row", "state", down), key.upwards());
+        let style = TextStyle::new(6.0).anchor(Anchor::Middle).color(FAINT);
         for (c, d) in self.distractors.iter().enumerate() {
-            let text = if side > 42.0 { format!("distractor {d}") } else { d.to_string() };
-            picture.text((at.0 + c as f64 * (side + gap) + side / 2.0, at.1 - 3.0), text, style.color(FAINT));
+            let text = if layout.side > 42.0 { format!("distractor {d}") } else { d.to_string() };
+            picture.text((layout.cell(0, c).x + layout.side / 2.0, at.1 - 3.0), text, style);
         }
         for (r, s) in self.states.iter().enumerate() {
-            let text = if high > 26.0 { format!("state {s}") } else { s.to_string() };
-            picture.text((at.0 - 3.0, at.1 + r as f64 * (high + gap) + high / 2.0), text, style.color(FAINT).upwards());
+            let text = if layout.high > 26.0 { format!("state {s}") } else { s.to_string() };
+            picture.text((at.0 - 3.0, layout.cell(r, 0).y + layout.high / 2.0), text, style.upwards());
         }
-    }
-}
-
-/// The radius of a grey point in a panel, points.
-fn dot(side: f64, count: usize) -> f64 {
-    (0.35 * side / (count.max(1) as f64).sqrt()).clamp(0.25, 0.9)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// As of a grid of which one cell ends early, from step 50 on.
-    #[test]
-    fn a_step_has_one_colour_in_cells_of_any_length() {
-        let panel =
-            |distractor: u32, rows: std::ops::Range<usize>| Panel { state: 0, distractor, rows: rows.collect() };
-        let panels = Panels {
-            heading: Heading::new("a test"),
-            points: vec![[0.0, 0.0]; 58],
-            states: vec![0],
-            distractors: vec![0, 1],
-            panels: vec![panel(0, 0..48), panel(1, 48..58)],
-            absent: "not recorded",
-            steps: (50..98).chain(50..60).collect(),
-            coloring: None,
-        };
-        let color = |row: usize| panels.layers(&[row], &[(0.0, 0.0); 58], panels.time(), None)[0].1;
-        assert_eq!(panels.time(), (50, 97));
-        assert_eq!((color(0), color(9)), (color(48), color(57)));
-        assert_ne!(color(57), color(47), "the last row of the short one is not the last step");
     }
 }

@@ -1,5 +1,6 @@
 //! Laws that hold for every figure, checked on one example of each.
 
+mod odd;
 mod snapshots;
 
 use std::sync::Arc;
@@ -32,6 +33,7 @@ fn sheet(queries: usize) -> Figure {
     Figure::NeighbourSheet(NeighbourSheet {
         heading: Heading::new("Nearest neighbours in the latent space, from other episodes"),
         distance: "standardized L2 distance".into(),
+        rows: Vec::new(),
         columns: (0..queries).map(column).collect(),
     })
 }
@@ -136,6 +138,7 @@ fn examples() -> Vec<(&'static str, Figure)> {
         ("strips", strips()),
         ("curves-1", Figure::Curves(curves(1))),
         ("curves-5", Figure::Curves(curves(5))),
+        ("curves-tasks", curves_of_tasks()),
         ("curves-many", many_curves()),
         (
             "table",
@@ -148,9 +151,11 @@ fn examples() -> Vec<(&'static str, Figure)> {
                     ("no-adversary".into(), vec![entry(925.0, 21.0, false, true), entry(606.0, 27.0, false, false), None]),
                     ("reconstruction".into(), vec![entry(360.0, 280.0, false, false), entry(417.0, 49.0, false, false), None]),
                 ],
-                foot: "last evaluation, else mean of the last tenth; bold: best of its column, underlined: its 95% interval overlaps with the best's, and a word more".into(),
+                by_row: false,
+                foot: "vibes-train evaluate, else the last evaluation, else the mean of the last tenth of what was logged while training, and a word more".into(),
             }),
         ),
+        ("table-wide", wide_table()),
     ]
 }
 
@@ -215,16 +220,55 @@ fn curves(facets: usize) -> Curves {
             // From the eightieth point on a single run reaches.
             .map(|(i, m)| (i < 80).then(|| (m - 30.0 - 20.0 * noise(i), m + 30.0 + 20.0 * noise(i + 3))))
             .collect();
-        Curve { group: g, x, mean, band }
+        Curve { group: g, x, mean, band, runs: Vec::new() }
     };
     Curves {
         heading: Heading::new("Learning curves, mean and 95% interval over 5 runs"),
         axis: "environment steps".into(),
         groups: ["vibes", "no-adversary", "reconstruction"].map(String::from).to_vec(),
+        columns: None,
+        foot: String::new(),
         facets: (0..facets)
             .map(|f| Facet { metric: format!("episode return {f}"), curves: (0..3).map(|g| curve(g, f)).collect() })
             .collect(),
     }
+}
+
+/// Two tasks side by side: one metric that only the second has, wide bands, a group of which fewer runs go on, and one of a single evaluation.
+fn curves_of_tasks() -> Figure {
+    let mut of_tasks = curves(4);
+    of_tasks.columns = Some(2);
+    of_tasks.foot = "band of a single run: 95% interval over the episodes of an evaluation".into();
+    for (facet, name) in of_tasks.facets.iter_mut().zip(["cartpole", "reacher"].iter().cycle()) {
+        facet.metric = format!("{name}: {}", facet.metric);
+        let group = &mut facet.curves[1];
+        group.runs = (0..100).map(|at| if at < 60 { 3 } else { 2 }).collect();
+        group.band.iter_mut().flatten().for_each(|(low, high)| (*low, *high) = (*low - 2000.0, *high + 500.0));
+        let single =
+            Curve { x: vec![4e5], mean: vec![300.0], band: vec![Some((200.0, 400.0))], ..facet.curves[2].clone() };
+        facet.curves[2] = single;
+    }
+    of_tasks.facets[2].curves.clear();
+    Figure::Curves(of_tasks)
+}
+
+/// More columns than a page has room for.
+fn wide_table() -> Figure {
+    let entries = |row: usize| {
+        (0..14).map(|column| entry(100.0 * noise(row * 14 + column), 7.0, column == row, column == 5)).collect()
+    };
+    Figure::Table(Table {
+        heading: Heading::new("Where training ended"),
+        corner: "metric".into(),
+        columns: (0..14).map(|run| format!("reacher-vibes-seed-{run}, which went on longer")).collect(),
+        rows: ["return at evaluations", "adversary − dynamics, training batches (nats)"]
+            .iter()
+            .enumerate()
+            .map(|(row, name)| ((*name).into(), entries(row)))
+            .collect(),
+        by_row: true,
+        foot: "vibes-train evaluate, else last evaluation, else mean of the last tenth".into(),
+    })
 }
 
 /// More groups than lines that look different, and a name longer than the figure is wide.
@@ -309,7 +353,7 @@ fn no_title_of_an_axis_is_cut() {
 
 #[test]
 fn no_text_leaves_its_picture_or_lies_on_another() {
-    for (name, figure) in examples() {
+    for (name, figure) in examples().into_iter().chain(odd::examples()) {
         let picture = figure.draw();
         let boxes: Vec<(String, [f64; 4])> = picture.shapes.iter().filter_map(text_box).collect();
         for (text, b) in &boxes {

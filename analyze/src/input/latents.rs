@@ -2,7 +2,8 @@
 //!
 //! Needed columns: `episode` and `step`, whole numbers; `latent`, a list of numbers of one length, or columns `latent_0`, `latent_1` and so on. Used
 //! if present: `state` and `distractor` (whole numbers, the cell of a grid), `reward`. Any other column is read only if somebody asks for it: as a
-//! colour, as a target of a probe, or in an expression that chooses rows. It may lie in a table of its own that is joined on (episode, step).
+//! colour, as a target of a probe, or in an expression that chooses rows. It may lie in a table of its own that is joined on (episode, step). What a recording
+//! that is named knows of the rows, it gives where no table does: cells, rewards, and the keys of a plain array.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -15,6 +16,7 @@ use vibes_data::{Latents, LatentsSource};
 
 use super::columns::UserColumn;
 use super::lists::{Lists, Narrowed, Origin};
+use super::recorded::{Recorded, number_rows};
 use super::tables::{TableFile, column};
 use super::{InputError, Rows, choices};
 
@@ -38,6 +40,8 @@ pub struct Asked {
     pub joins: Vec<PathBuf>,
     /// Columns of the latents' table or of the joined ones.
     pub columns: Vec<String>,
+    /// The recording whose rows these are, which gives the cells and rewards that no table has, and a plain array its keys.
+    pub recording: Option<PathBuf>,
 }
 
 /// A table of latents as it was asked for.
@@ -63,7 +67,7 @@ pub fn read_latents(path: &Path) -> Result<Latents, InputError> {
 ///
 /// # Errors
 /// [`InputError`]: an unreadable file, a missing or unsuitable column (the error names those that are needed), a row key that occurs twice, an
-/// expression that chooses no row. Values that are not finite are left to the checks of [`vibes_measure::Table`].
+/// expression that chooses no row, a recording that lacks a row. Values that are not finite are left to the checks of [`vibes_measure::Table`].
 pub fn read_asked(path: &Path, asked: &Asked) -> Result<ReadLatents, InputError> {
     read_with_origin(path, asked).map(|(read, _)| read)
 }
@@ -103,6 +107,7 @@ type RowKeys = HashSet<(u32, u32)>;
 
 fn read_some(path: &Path, asked: &Asked, keys: Option<&RowKeys>) -> Result<(ReadLatents, Origin), InputError> {
     let file = TableFile::open(path)?;
+    let recorded = asked.recording.as_deref().map(Recorded::open).transpose()?;
     let lists = latent_columns(&file, path)?;
     let needed = needed(asked);
     let mut names: Vec<String> = KEYS.iter().chain(&KNOWN).filter(|n| file.has(n)).map(ToString::to_string).collect();
@@ -110,16 +115,24 @@ fn read_some(path: &Path, asked: &Asked, keys: Option<&RowKeys>) -> Result<(Read
     // A dimension may be asked for by name, too.
     let rest = lists.iter().filter(|list| !names.contains(list));
     let all: Vec<String> = names.iter().chain(rest).cloned().collect();
-    let frame = file.read(&all)?;
+    let (mut frame, mut remarks) = (file.read(&all)?, Vec::new());
+    if file.is_keyless_array() {
+        remarks.push(number_rows(&mut frame, recorded.as_ref(), path)?);
+        names.extend(KEYS.map(String::from));
+    }
     let fault =
         |error: PolarsError| column(path, &names.join(", "), first_line(&error), "columns of numbers and texts");
     let mut flat = keyed(frame.select(names.iter()).map_err(fault)?, &KEYS, path)?;
     check_keys(&flat, path)?;
     let count = flat.height() as u32;
     flat.with_column(Column::new(ROW.into(), (0..count).collect::<Vec<u32>>())).map_err(fault)?;
-    let mut remarks = Vec::new();
     for table in &asked.joins {
         flat = join(flat, table, &needed, &mut remarks)?;
+    }
+    if let Some(recorded) = &recorded {
+        let (episodes, steps) = (known(whole(&flat, "episode", path)?), known(whole(&flat, "step", path)?));
+        let columns = recorded.columns(&episodes, &steps, |name| flat.column(name).is_err())?;
+        columns.into_iter().try_for_each(|column| flat.with_column(column).map(|_| ())).map_err(fault)?;
     }
     if let Some(missing) = needed.iter().find(|name| flat.column(name).is_err()) {
         let found = flat.get_column_names().into_iter().map(ToString::to_string).filter(|n| n != ROW);
@@ -168,7 +181,7 @@ fn latent_columns(file: &TableFile, path: &Path) -> Result<Vec<String>, InputErr
         found: file.names().join(", "),
         path: path.into(),
     };
-    if let Some(key) = KEYS.iter().find(|key| !file.has(key)) {
+    if let Some(key) = KEYS.iter().find(|key| !file.has(key)).filter(|_| !file.is_keyless_array()) {
         return Err(missing(key));
     }
     if file.has("latent") {

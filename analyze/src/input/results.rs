@@ -108,6 +108,14 @@ impl Results {
         self.sources.iter().flat_map(of).collect()
     }
 
+    /// The run folders among them.
+    pub fn runs(&self) -> impl Iterator<Item = &Run> {
+        self.sources.iter().filter_map(|source| match source {
+            Source::Run { run, .. } => Some(run.as_ref()),
+            Source::Table { .. } => None,
+        })
+    }
+
     /// The protocol under which each source was evaluated last; none of tables.
     #[must_use]
     pub fn protocols(&self) -> Vec<Option<&str>> {

@@ -11,7 +11,10 @@ use serde_json::{Map, Value};
 use vibes_data::{Metrics, RunFolder, RunInfo};
 
 use super::InputError;
-use crate::metrics::{ESTIMATE, NUMBERS};
+use crate::metrics::{
+    DYNAMICS_GAP, ESTIMATE, GAP_UPDATES, HELD_OUT_RETURN, NUMBERS, Over, RETURN_GAP, REWARD_GAP,
+    TRAINING_VIDEOS_RETURN, own_interval,
+};
 
 /// Fields that count progress, the first that a line has is its x.
 const CLOCKS: [&str; 7] =
@@ -21,6 +24,8 @@ const CLOCKS: [&str; 7] =
 const HELD_OUT: &str = "held_out";
 /// The field of an evaluation that says whether its grid was new to the run. Older ones have none.
 const IS_HELD_OUT: &str = "is_held_out";
+/// The end of [`GAP_UPDATES`].
+const CRITIC_UPDATES: &str = "critic_updates";
 
 /// One metric over training: `(x, value)` in the order of the file.
 pub type Series = Vec<(f64, f64)>;
@@ -105,7 +110,10 @@ impl Run {
         for row in kept.clone().filter(|row| all_final || !is_final(row)) {
             let own = row.get(&self.clock).and_then(Value::as_f64);
             let x = own.unwrap_or_else(|| at(&passed, row.get("update").and_then(Value::as_f64)));
-            self.add(HELD_OUT, &Value::Object(row.clone()), x);
+            let mut row = row.clone();
+            let gaps = gaps(&Value::Object(row.clone()));
+            row.insert("gaps".into(), gaps);
+            self.add(HELD_OUT, &Value::Object(row), x);
         }
         if let Some(last) = over_training.lines.last().filter(is_final).filter(is_held_out) {
             self.add_final(HELD_OUT, &Value::Object(last.clone()));
@@ -140,8 +148,9 @@ impl Run {
             let mut keep = |name: &str, value: f64| {
                 found.insert((name.to_owned(), of.to_bits()), value);
             };
+            let gaps = gaps(document);
             for (name, measured, judged) in
-                [(HELD_OUT, &document["report"], judged), ("held_out.gaps", &document["gaps"], gaps_judged)]
+                [(HELD_OUT, &document["report"], judged), ("held_out.gaps", &gaps, gaps_judged)]
             {
                 match judged {
                     None => numbers(name, measured, &mut keep),
@@ -239,6 +248,25 @@ impl Run {
         Some(series[series.len() - count..].iter().map(|point| point.1).sum::<f64>() / count as f64)
     }
 
+    /// The 95% interval that the run's own evaluation at a point of a metric holds, and what it is over. None of metrics of training batches, where an evaluation has none (of a single episode),
+    /// and where several evaluations lie at one place.
+    #[must_use]
+    pub fn own_interval(&self, metric: &str, (x, value): (f64, f64)) -> Option<((f64, f64), Over)> {
+        let (name, over) = own_interval(metric)?;
+        let only = |name: &str| only_at(self.series.get(name)?, x);
+        let ends = (only(&format!("{name}.low"))?, only(&format!("{name}.high"))?);
+        (only(metric)? == value).then_some((ends, over))
+    }
+
+    /// Whether returns were evaluated under videos. Where nobody sees one, both sets are the same episodes and there is no gap between them.
+    #[must_use]
+    pub fn sees_videos(&self) -> bool {
+        let [held_out, training] = [HELD_OUT_RETURN, TRAINING_VIDEOS_RETURN];
+        self.names().any(|name| name == RETURN_GAP)
+            || self.series.get(held_out) != self.series.get(training)
+            || self.finals.get(held_out) != self.finals.get(training)
+    }
+
     /// A number of the last evaluation of an online run that has ended, by its full name.
     #[must_use]
     pub fn last_evaluation(&self, name: &str) -> Option<f64> {
@@ -249,6 +277,19 @@ impl Run {
     #[must_use]
     pub fn protocol(&self) -> Option<&str> {
         self.protocol.as_deref()
+    }
+
+    /// After how many updates of the critic the gaps were read that the run ended with; none where their file does not say.
+    #[must_use]
+    pub fn gap_updates(&self) -> Option<u64> {
+        let is_final = [DYNAMICS_GAP, REWARD_GAP].iter().any(|gap| self.finals.contains_key(*gap));
+        let updates = if is_final {
+            self.finals.get(GAP_UPDATES).copied()
+        } else {
+            let last = |gap: &str| self.series.get(gap)?.last().map(|point| point.0);
+            only_at(self.series.get(GAP_UPDATES)?, last(DYNAMICS_GAP).or_else(|| last(REWARD_GAP))?)
+        };
+        updates.map(|updates| updates as u64)
     }
 
     /// The objective the run was trained with, if `run.json` says.
@@ -268,6 +309,15 @@ impl Run {
     pub fn updates(&self) -> Option<f64> {
         (self.clock == "update").then(|| self.series.values().filter_map(|s| s.last()).map(|p| p.0).fold(0.0, f64::max))
     }
+}
+
+/// The gaps of an evaluation, with the updates of the critic that they were read after where it says so.
+fn gaps(evaluation: &Value) -> Value {
+    let mut gaps = evaluation["gaps"].clone();
+    if let (Some(fields), Some(updates)) = (gaps.as_object_mut(), evaluation.get("gap_updates")) {
+        fields.insert(CRITIC_UPDATES.into(), updates.clone());
+    }
+    gaps
 }
 
 /// Every number of a document under its name, as in `held_out.gaps.dynamics_gap`; an interval is a list of its ends.
@@ -290,6 +340,13 @@ fn numbers(name: &str, value: &Value, found: &mut dyn FnMut(&str, f64)) {
         }
         _ => {}
     }
+}
+
+/// The value at a place of a series, which goes by rising places, if there is just one.
+fn only_at(series: &[(f64, f64)], x: f64) -> Option<f64> {
+    let from = series.partition_point(|point| point.0 < x);
+    let to = series.partition_point(|point| point.0 <= x);
+    (to == from + 1).then(|| series[from].1)
 }
 
 /// Updates and what the clock showed then, for clocks that do not count updates.

@@ -68,6 +68,11 @@ impl TableFile {
         self.names.iter().any(|n| n == name)
     }
 
+    /// Whether it is NumPy's and holds latents without the key of any row, as a plain array does.
+    pub(super) fn is_keyless_array(&self) -> bool {
+        self.kind == Kind::Numpy && self.has("latent") && !self.has("episode") && !self.has("step")
+    }
+
     /// A text of the schema's metadata, which only Arrow and Parquet files have.
     #[must_use]
     pub fn metadata(&self, key: &str) -> Option<&str> {

@@ -75,6 +75,7 @@ fn rows_are_chosen_by_their_own_and_by_joined_columns() {
         rows: Some("square >= 25 and video = 'surf' and step < 11".parse().expect("expression")),
         joins: vec![join.clone()],
         columns: vec!["square".into()],
+        ..Asked::default()
     };
     let read = read_asked(&table, &asked).unwrap_or_else(|e| panic!("{e}"));
     let want: Vec<usize> = (0..ROWS).filter(|r| r % 3 != 0 && r * r >= 25 && r % 4 == 1 && r % 12 < 11).collect();
@@ -86,7 +87,7 @@ fn rows_are_chosen_by_their_own_and_by_joined_columns() {
     assert!(read.remarks.iter().any(|r| r.contains("8 of 24 rows have no row in")), "{:?}", read.remarks);
     // By episode alone, and twice the same row.
     std::fs::write(&join, "episode;weather\n0;sun\n1;rain\n").expect("file");
-    let asked = Asked { rows: None, joins: vec![join.clone()], columns: vec!["weather".into()] };
+    let asked = Asked { joins: vec![join.clone()], columns: vec!["weather".into()], ..Asked::default() };
     let read = read_asked(&table, &asked).unwrap_or_else(|e| panic!("{e}"));
     let UserColumn::Kinds { of_row, .. } = &read.columns[0].1 else { panic!("kinds") };
     assert_eq!((of_row[0], of_row[23]), (Some(1), Some(0)));

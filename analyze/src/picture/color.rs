@@ -1,4 +1,7 @@
-//! Colours that survive print and colour blindness: Okabe and Ito's eight for kinds, viridis for quantities.
+//! Colours that survive print and colour blindness: Okabe and Ito's for lines, viridis for quantities.
+
+#[cfg(test)]
+pub(crate) mod blindness;
 
 /// An RGB colour with opacity.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,15 +44,16 @@ pub const RULE: Color = Color::new(205, 205, 205);
 /// Points that are only context.
 pub const CONTEXT: Color = Color::new(212, 212, 212);
 
-/// Okabe and Ito's colours for up to seven kinds, in the order of use (black is left for text).
+/// Okabe and Ito's colours for up to seven kinds, in an order in which the first four are told apart by everyone: green and pink are one grey without green
+/// receptors, so pink comes late. Black is left for text, and their yellow is darker here, since a line of it is not seen on white.
 pub const KINDS: [Color; 7] = [
     Color::new(0, 114, 178),
     Color::new(230, 159, 0),
     Color::new(0, 158, 115),
-    Color::new(204, 121, 167),
-    Color::new(213, 94, 0),
     Color::new(86, 180, 233),
-    Color::new(240, 228, 66),
+    Color::new(213, 94, 0),
+    Color::new(204, 121, 167),
+    Color::new(180, 170, 80),
 ];
 
 /// Dash and gap of lines, points, one for each round of the colours; none is a solid line.
@@ -92,6 +96,7 @@ pub fn viridis(t: f64) -> Color {
 
 #[cfg(test)]
 mod tests {
+    use super::blindness::{contrast, nearest};
     use super::*;
 
     #[test]
@@ -99,6 +104,16 @@ mod tests {
         for (t, want) in [(0.0, [68, 1, 84]), (0.5, [33, 145, 140]), (1.0, [253, 231, 37])] {
             let got = viridis(t).rgb;
             assert!(got.iter().zip(want).all(|(&g, w)| g.abs_diff(w) <= 4), "{t}: {got:?} vs {want:?}");
+        }
+    }
+
+    /// Four is as many as most charts have; for more there are no colours that differ as much to everyone.
+    #[test]
+    fn lines_are_told_apart_by_those_who_see_two_colours_and_on_white() {
+        assert!(nearest(&KINDS[..4]) > 22.0, "{}", nearest(&KINDS[..4]));
+        assert!(nearest(&KINDS) > 15.0, "{}", nearest(&KINDS));
+        for color in KINDS {
+            assert!(contrast(color, WHITE) > 2.0, "{} is lost on white", color.hex());
         }
     }
 

@@ -27,6 +27,14 @@ pub fn render(picture: &Picture) -> String {
     )
 }
 
+/// What a document of [`render`] shows, in one sentence: the title of its picture.
+pub(crate) fn title(document: &str) -> Option<String> {
+    let (title, _) = document.split_once("<title>")?.1.split_once("</title>")?;
+    // The ampersand comes last: what it stands before may be text.
+    let signs = [("&lt;", "<"), ("&gt;", ">"), ("&quot;", "\""), ("&#39;", "'"), ("&amp;", "&")];
+    Some(signs.iter().fold(title.to_string(), |text, (escaped, sign)| text.replace(escaped, sign)))
+}
+
 /// A number with at most two decimals and no trailing zeros.
 pub(crate) fn number(v: f64) -> String {
     let s = format!("{v:.2}");
@@ -190,4 +198,17 @@ fn fill(color: Color) -> String {
 fn stroke(color: Color, width: f64) -> String {
     let opacity = if color.alpha < 1.0 { format!(" stroke-opacity=\"{:.2}\"", color.alpha) } else { String::new() };
     format!(" stroke=\"{}\" stroke-width=\"{}\"{opacity}", color.hex(), number(width))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_title_is_read_as_it_was_written() {
+        for wanted in ["4,000 latents, coloured by time", "a < b & c's \"d\" &lt; e", ""] {
+            assert_eq!(title(&render(&Picture::new(10.0, 10.0, wanted))).as_deref(), Some(wanted));
+        }
+        assert_eq!(title("<svg></svg>"), None);
+    }
 }

@@ -2,7 +2,7 @@
 // Maps that answer. Each .live element has a canvas, tools, a card and a place for chosen frames; its data lies at the end of the page in elements of
 // their own (data-map, data-sheet): columns and places as base64 of little-endian numbers, frames on sprite sheets.
 const VIRIDIS = ["#440154", "#482878", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725"];
-const KINDS = ["#3f90da", "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70", "#717581", "#92dadd"];
+const KINDS = ["#3f90da", "#ffa90e", "#bd1f01", "#004b2d", "#832db6", "#a96b59", "#e76300", "#b9ac70", "#19193c", "#0fc3e1"];
 const NONE = "#d0d0d0", MARK = "#d55e00", MOST_CHOSEN = 48;
 const maps = [];
 
@@ -15,6 +15,15 @@ const make = (tag, fields = {}, ...children) => {
   return element;
 };
 const short = v => !Number.isFinite(v) ? "–" : Number.isInteger(v) ? String(v) : Math.abs(v) >= 100 ? v.toFixed(0) : v.toPrecision(3);
+// The range of the colours, as figures have it (figures/coloring/span.rs), and at which ends values lie outside: a few far from all others do not squeeze these.
+const span = values => {
+  const sorted = values.filter(v => Number.isFinite(v)).sort(), n = sorted.length;
+  if (!n) return { low: Infinity, high: -Infinity, below: false, above: false };
+  const out = n < 20 ? 0 : Math.ceil(n / 200), first = sorted[0], last = sorted[n - 1];
+  const low = sorted[out], high = sorted[n - 1 - out], far = 0.3 * (high - low);
+  const below = far > 0 && low - first > far, above = far > 0 && last - high > far;
+  return { low: below ? low : first, high: above ? high : last, below, above };
+};
 
 class LiveMap {
   constructor(live) {
@@ -79,8 +88,7 @@ class LiveMap {
   paint(index) {
     this.column = index;
     const { values, name, kinds } = this.columns[index];
-    let low = Infinity, high = -Infinity;
-    for (const v of values) if (Number.isFinite(v)) { low = Math.min(low, v); high = Math.max(high, v); }
+    const { low, high, below, above } = span(values);
     const level = v => Math.min(9, Math.max(0, Math.floor((v - low) / (high - low || 1) * 10)));
     const few = kinds && kinds.length <= 10;
     const color = v => !Number.isFinite(v) ? NONE : few ? KINDS[v % 10] : VIRIDIS[level(v)];
@@ -90,7 +98,7 @@ class LiveMap {
     const legend = this.part(".legend");
     legend.replaceChildren();
     if (few) kinds.forEach((kind, i) => legend.append(make("span", {}, Object.assign(make("i"), { style: `background:${KINDS[i % 10]}` }), kind)));
-    else legend.append(make("span", {}, `${name}: ${short(low)}`, Object.assign(make("span", { className: "bar" }), { style: `background:linear-gradient(90deg,${VIRIDIS.join()})` }), short(high)));
+    else legend.append(make("span", {}, `${name}: ${below ? "≤ " : ""}${short(low)}`, Object.assign(make("span", { className: "bar" }), { style: `background:linear-gradient(90deg,${VIRIDIS.join()})` }), (above ? "≥ " : "") + short(high)));
     this.live.dataset.column = name;
     this.draw();
   }

@@ -17,6 +17,7 @@ use super::{JPEG_QUALITY, SceneError, rgba, write_whole};
 use crate::picture::Pixels;
 use crate::picture::color::kind;
 use crate::picture::encode::encode_jpeg;
+use crate::picture::number::fixed;
 
 /// The timeline's name.
 const TIMELINE: &str = "control_steps";
@@ -32,6 +33,8 @@ pub struct Progress<'a> {
     pub shown: &'a [u32],
     /// Mean returns of evaluations by control steps, if there were any.
     pub evaluations: &'a [(f64, f64)],
+    /// Whether these were under videos, which training did not show; not where nobody sees one.
+    pub sees_videos: bool,
 }
 
 impl Progress<'_> {
@@ -72,7 +75,8 @@ impl Progress<'_> {
             let time = TimeColumn::new_sequence(TIMELINE, self.evaluations.iter().map(|(at, _)| *at as i64));
             let series = Scalars::update_fields().with_scalars(self.evaluations.iter().map(|(_, mean)| *mean));
             stream.send_columns("returns/held_out", [time], series.columns_of_unit_batches()?)?;
-            let style = SeriesLines::new().with_names(["held-out videos"]).with_colors([rgba(kind(4))]);
+            let name = if self.sees_videos { "held-out videos" } else { "at evaluations" };
+            let style = SeriesLines::new().with_names([name]).with_colors([rgba(kind(4))]);
             stream.log_static("returns/held_out", &style)?;
         }
         for (entry, start) in begun.iter().filter(|(entry, _)| self.shown.contains(&entry.index)) {
@@ -89,8 +93,11 @@ impl Progress<'_> {
         let rewards = Scalars::update_fields().with_scalars((0..view.steps()).map(|step| f64::from(view.reward(step))));
         stream.send_columns("reward", [time()], rewards.columns_of_unit_batches()?)?;
         let text = format!(
-            "**episode {}**, begun after {start} control steps\n\nreturn {:.1}, {} steps\n\npolicy: {}",
-            entry.index, entry.episode_return, entry.steps, entry.policy
+            "**episode {}**, begun after {start} control steps\n\nreturn {}, {} steps\n\npolicy: {}",
+            entry.index,
+            fixed(entry.episode_return, 1),
+            entry.steps,
+            entry.policy
         );
         stream.set_time_sequence(TIMELINE, start);
         stream.log("episode", &TextDocument::from_markdown(text))?;

@@ -11,7 +11,7 @@ use super::{GRID, PROGRAM, folder, good, json, text};
 #[test]
 fn numbers_of_very_many_runs_are_there_without_the_figures_that_are_too_large() {
     let folder = folder();
-    let runs: Vec<String> = (0..200).map(|run| format!("runs/run-{run}")).collect();
+    let runs: Vec<String> = (0..201).map(|run| format!("runs/run-{run}")).collect();
     for (at, run) in runs.iter().enumerate() {
         fixture::write_run(&folder.path().join(run), 0.001 * at as f64);
     }
@@ -24,19 +24,27 @@ fn numbers_of_very_many_runs_are_there_without_the_figures_that_are_too_large() 
     assert!(told.contains("the figure curves-table is not drawn"), "{told}");
     assert!(said.contains("curves.json") && said.contains("curves.arrow") && !said.contains("curves-table"), "{said}");
     assert!(!out.join("curves-table.png").exists(), "the table of other runs is still there");
-    assert_eq!(json(&out.join("curves.json"))["groups"].as_array().map(Vec::len), Some(200));
+    assert_eq!(json(&out.join("curves.json"))["groups"].as_array().map(Vec::len), Some(201));
 }
 
 #[test]
-fn a_very_wide_table_is_there_without_its_figure() {
+fn a_wide_table_is_drawn_in_parts_and_a_very_wide_one_is_there_without_its_figure() {
     let folder = folder();
-    let rows: String = (0..300).map(|task| format!("ours,task-{task},{task}\n")).collect();
-    std::fs::write(folder.path().join("wide.csv"), format!("method,task,return\n{rows}")).expect("results");
-    let (said, told) = good(folder.path(), &["table", "wide.csv", "-o", "out"]);
+    let table_of = |tasks: usize| {
+        let rows: String = (0..tasks).map(|task| format!("ours,task-{task},{task}\n")).collect();
+        std::fs::write(folder.path().join("wide.csv"), format!("method,task,return\n{rows}")).expect("results");
+        let words = good(folder.path(), &["table", "wide.csv", "-o", "out"]);
+        let table = std::fs::read_to_string(folder.path().join("out/table.csv")).expect("table");
+        assert_eq!(table.lines().count(), tasks + 1);
+        words
+    };
+    let (said, told) = table_of(300);
+    assert!(said.contains("table.png") && !told.contains("not drawn"), "{told}");
+    let (width, _) = image::image_dimensions(folder.path().join("out/table.png")).expect("figure");
+    assert!(f64::from(width) <= 6.9 * 300.0 + 1.0, "{width} pixels are wider than a page");
+    let (said, told) = table_of(2000);
     assert!(told.contains("the figure table is not drawn"), "{told}");
     assert!(said.contains("table.csv") && !folder.path().join("out/table.png").exists(), "{said}");
-    let table = std::fs::read_to_string(folder.path().join("out/table.csv")).expect("table");
-    assert_eq!(table.lines().count(), 301);
 }
 
 #[test]

@@ -80,13 +80,16 @@ impl Shown<'_> {
         ProbeRow { section: section.into(), quantity, marks: scores.into_iter().filter_map(mark).collect() }
     }
 
-    /// The mean of the linear probes of a section: R², accuracy over chance.
-    pub(super) fn mean(&self, section: &str) -> Option<f64> {
+    /// The linear probes of a section by quantity, the worst first: R², accuracy over chance.
+    pub(super) fn linear(&self, section: &str) -> Vec<(&str, f64)> {
         let own = self.sections.iter().zip(self.quantities).filter(|(other, _)| **other == section);
-        let of = |(_, q): (&&str, &Quantity)| find(&self.latent, &q.name, Probe::Linear);
-        let scores = own.filter_map(of).map(|score| over_chance(score.score.estimate, score.chance));
-        let values: Vec<f64> = scores.filter(|score| score.is_finite()).collect();
-        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+        let of = |(_, q): (&&str, &Quantity)| {
+            let score = find(&self.latent, &q.name, Probe::Linear)?;
+            Some((score.quantity.as_str(), over_chance(score.score.estimate, score.chance)))
+        };
+        let mut scores: Vec<(&str, f64)> = own.filter_map(of).filter(|score| score.1.is_finite()).collect();
+        scores.sort_by(|a, b| a.1.total_cmp(&b.1));
+        scores
     }
 
     /// Writes `probes.arrow` and `probes.json`; `fitted_on` says what probes of numbers were fitted on.

@@ -102,7 +102,8 @@ impl Rows {
         rng: &mut impl Rng,
     ) -> anyhow::Result<(Pairs, Vec<String>)> {
         // Distances between the two tables are measured, which must be about one origin.
-        let ReadLatents { latents, remarks, .. } = read_beside(path, &Asked::default(), origin)?;
+        let asked = Asked { recording: recording.map(Path::to_path_buf), ..Asked::default() };
+        let ReadLatents { latents, remarks, .. } = read_beside(path, &asked, origin)?;
         if latents.dims != self.latents.dims {
             return Err(wrong(format!(
                 "the rotated latents have {} dimensions, the others {}: {}",

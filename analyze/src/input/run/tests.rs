@@ -168,6 +168,54 @@ fn the_last_evaluation_is_where_a_run_ended_and_no_point_of_its_curve() {
     assert_eq!(alone.series["held_out.held_out.mean_return"], vec![(1000.0, 70.0)], "rather than none");
 }
 
+/// A band of a single run is the interval of its own evaluation, or none: two at one place, one of a single episode, and metrics of training batches have none.
+#[test]
+fn evaluations_keep_their_intervals() {
+    let dir = tempfile::tempdir().expect("folder");
+    let write = writer(dir.path());
+    write("metrics.jsonl", "{\"update\":100,\"loss\":2.5}\n");
+    let of_returns = |update: u32, mean: f64, interval: &str| {
+        format!("{{\"update\":{update},\"held_out\":{{\"mean_return\":{mean:.1}{interval}}}}}\n")
+    };
+    let number = |update: u32| {
+        format!(
+            "{{\"update\":{update},\"numbers\":{{\"state_share\":{{\"estimate\":0.5,\"low\":0.25,\"high\":0.75}}}},\"gaps\":{{\"dynamics_gap\":0.5,\"held_out\":{{\"dynamics\":{{\"gap\":{{\"low\":0.0,\"high\":1.0}}}}}}}}}}\n"
+        )
+    };
+    let lines = [
+        of_returns(10, 4.0, ",\"interval\":[1.5,6.5]"),
+        of_returns(20, 5.0, ""),
+        of_returns(30, 6.0, ",\"interval\":[5.0,7.0]"),
+        of_returns(30, 8.0, ",\"interval\":[7.0,9.0]"),
+        number(40),
+    ];
+    write("evaluations.jsonl", &lines.concat());
+    let run = Run::read(dir.path()).expect("run");
+    let returns = |x: f64, y: f64| run.own_interval(HELD_OUT_RETURN, (x, y));
+    assert_eq!(returns(10.0, 4.0), Some(((1.5, 6.5), Over::Episodes)));
+    assert_eq!([returns(10.0, 4.5), returns(20.0, 5.0), returns(30.0, 7.0), returns(30.0, 6.0)], [None; 4]);
+    let share = run.own_interval("held_out.numbers.state_share.estimate", (40.0, 0.5));
+    assert_eq!(share, Some(((0.25, 0.75), Over::Trajectories)));
+    assert_eq!(run.own_interval("held_out.gaps.dynamics_gap", (40.0, 0.5)), Some(((0.0, 1.0), Over::Trajectories)));
+    assert_eq!(run.own_interval("loss", (100.0, 2.5)), None);
+}
+
+#[test]
+fn videos_are_seen_where_the_two_sets_differ_or_have_a_gap() {
+    let dir = tempfile::tempdir().expect("folder");
+    let write = writer(dir.path());
+    write("metrics.jsonl", "{\"update\":100,\"loss\":2.5}\n");
+    let sees = |training: f64, gap: &str| {
+        let line = format!(
+            "{{\"update\":10,\"held_out\":{{\"mean_return\":0.0}},\"training_videos\":{{\"mean_return\":{training:.1}}}{gap},\"is_final\":false}}\n"
+        );
+        write("evaluations.jsonl", &line);
+        Run::read(dir.path()).expect("run").sees_videos()
+    };
+    assert!(!sees(0.0, ""), "an agent that sees numbers lives through the same episodes twice");
+    assert!(sees(1.0, "") && sees(0.0, ",\"gap\":{\"mean\":0.0}"));
+}
+
 #[test]
 fn a_folder_without_metrics_is_no_run() {
     let dir = tempfile::tempdir().expect("folder");

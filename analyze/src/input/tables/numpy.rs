@@ -1,4 +1,5 @@
-//! NumPy arrays: an `.npz` of arrays, a structured `.npy` with fields, or a plain `[rows, dims]` array with `episode.npy` and `step.npy` beside it.
+//! NumPy arrays: an `.npz` of arrays, a structured `.npy` with fields, or a plain `[rows, dims]` array with `episode.npy` and `step.npy` beside it, or alone, where a
+//! recording that is named has its keys.
 //!
 //! [`vibes_data::numpy`] reads headers and elements within limits; the numbers are taken from the elements' bytes, because an element may be a structure of any
 //! width.
