@@ -1,10 +1,14 @@
-//! How sure a number is: bootstrap intervals over trajectories, Student intervals over runs, and a jackknife for shares of a grid's variance.
+//! How sure a number is: bootstrap intervals over trajectories, Student intervals over runs, and a jackknife for what compares a grid's cells with each other.
 //!
 //! Rows of one trajectory are not independent, so trajectories are what is drawn again or left out, never rows. On a grid there are two kinds of them, and
 //! a number must hold for other states *and* for other distractors: both are drawn again, each with replacement, and a cell counts as often as its state
 //! was drawn times as often as its distractor was ([`Trajectories`]; the pigeonhole bootstrap of Owen, 2007, which errs to the side of wide intervals).
-//! That serves means and ratios of means. A bootstrap will not do for shares of variance: a grid that holds a trajectory twice varies less, so that its
-//! shares lie beside the estimate; there each trajectory of either kind is left out in turn ([`crossed`]).
+//! That serves means and ratios of means over rows that have nothing to do with each other. A bootstrap will not do for shares of variance: a grid that holds
+//! a trajectory twice varies less, so that its shares lie beside the estimate. Nor will it for distances and neighbours: the cell that a cell is compared
+//! with was drawn as it was, and where only the first is drawn again the interval is too narrow; drawn twice it would be its own neighbour. For these each
+//! trajectory of either kind is left out in turn ([`crossed`]).
+
+use std::f64::consts::FRAC_PI_2;
 
 use rand::Rng;
 use rayon::prelude::*;
@@ -181,6 +185,10 @@ pub enum Range {
     Share,
     /// A number above 0, on the scale `ln x`.
     Positive,
+    /// A share of what was counted, on the scale `asin √p`. All or none is nothing unusual here, and a logarithm would set these endlessly far apart from the rest.
+    Counted,
+    /// A number between -1 and 1, on the scale `asin x`: either end may be reached.
+    Signed,
 }
 
 impl Range {
@@ -193,6 +201,8 @@ impl Range {
                 (share / (1.0 - share)).ln()
             }
             Self::Positive => value.max(Self::EDGE).ln(),
+            Self::Counted => value.clamp(0.0, 1.0).sqrt().asin(),
+            Self::Signed => value.clamp(-1.0, 1.0).asin(),
         }
     }
 
@@ -200,6 +210,8 @@ impl Range {
         match self {
             Self::Share => 1.0 / (1.0 + (-spread).exp()),
             Self::Positive => spread.exp(),
+            Self::Counted => spread.clamp(0.0, FRAC_PI_2).sin().powi(2),
+            Self::Signed => spread.clamp(-FRAC_PI_2, FRAC_PI_2).sin(),
         }
     }
 }
@@ -208,8 +220,8 @@ impl Range {
 /// on a scale that keeps the ends within the number's range.
 ///
 /// Both kinds are taken as drawn at random, so their variances add up; degrees of freedom after Satterthwaite. A bootstrap will not do for shares of
-/// variance and spectra: a grid that holds a trajectory twice varies less, and its numbers lie beside the estimate. No interval with fewer than three of a kind, nor
-/// where the number is not finite without one of them: nobody knows what another would have brought.
+/// variance and spectra: a grid that holds a trajectory twice varies less, and its numbers lie beside the estimate. Nor will it for what compares cells with
+/// each other, as this module's head says. No interval with fewer than three of a kind, nor where the number is not finite without one of them: nobody knows what another would have brought.
 #[must_use]
 pub fn crossed(estimate: f64, without: [&[f64]; 2], range: Range) -> Interval {
     let is_too_little = |values: &&[f64]| values.len() < 3 || values.iter().any(|value| !value.is_finite());
@@ -328,6 +340,24 @@ mod tests {
     fn a_share_that_no_trajectory_changes_is_certain() {
         let found = crossed(0.25, [&[0.25; 5], &[0.25; 4]], Range::Share);
         assert!((found.low - 0.25).abs() < 1e-12 && (found.high - 0.25).abs() < 1e-12, "{found:?}");
+    }
+
+    /// On a logarithmic scale the one line whose absence makes the share whole would stretch its interval over everything.
+    #[test]
+    fn a_number_that_reaches_an_end_without_a_trajectory_stays_certain() {
+        let mut almost = [0.998; 10];
+        almost[3] = 1.0;
+        let found = crossed(0.998, [&almost, &[0.998; 10]], Range::Counted);
+        assert!(found.low > 0.97 && found.high == 1.0, "{found:?}");
+        let found = crossed(0.998, [&almost, &[0.998; 10]], Range::Signed);
+        assert!(found.low > 0.97 && found.high == 1.0, "{found:?}");
+        let found = crossed(-0.998, [&almost.map(|x: f64| -x), &[-0.998; 10]], Range::Signed);
+        assert!(found.low == -1.0 && found.high < -0.97, "{found:?}");
+        for (range, end) in [(Range::Counted, 0.0), (Range::Counted, 1.0), (Range::Signed, -1.0), (Range::Signed, 1.0)]
+        {
+            let found = crossed(end, [&[end; 4], &[end; 5]], range);
+            assert_eq!((found.low, found.high), (end, end), "{range:?}");
+        }
     }
 
     #[test]

@@ -7,15 +7,24 @@
 //! |---|---|---|
 //! | `retrieval_same_step@k` | all other cells at step t | state i |
 //! | `retrieval_any_step@k` | all rows of all cells with another distractor, whatever their state and step | state i, at most 2 steps from t |
+//!
+//! For the interval each state and each distractor is left out in turn, as query and as candidate (see `without`), with the standard deviations as they are.
+
+mod sieve;
+mod tally;
+mod without;
 
 use rand::Rng;
 use rand::seq::index;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use self::sieve::Sieve;
+use self::tally::Tally;
+use self::without::{Cell, Place, Query};
 use super::Grid;
 use crate::intervals::Interval;
-use crate::neighbours::{Exclude, Metric, Space, bounded_queries, nearest};
+use crate::neighbours::{Metric, Space, bounded_queries};
 use crate::{Error, Table};
 
 /// How to ask.
@@ -40,7 +49,8 @@ impl Default for RetrievalOptions {
 pub struct Retrieval {
     /// Neighbours looked at.
     pub k: usize,
-    /// Share of queries with a row of the same state among their `k` nearest; interval over state and distractor trajectories.
+    /// Share of queries with a row of the same state among their `k` nearest. The interval is over state and distractor trajectories, each left out in
+    /// turn, as query and as candidate (see [`crate::intervals::crossed`]); none with fewer than three of either kind, nor where `k` are all that is left.
     pub found: Interval,
     /// The share if neighbours were drawn blindly.
     pub chance: f64,
@@ -56,7 +66,7 @@ const PAIRS: usize = 50_000_000;
 /// # Errors
 /// No neighbours asked for, more than there are other cells, or latents that do not vary.
 pub fn retrieval_same_step(grid: &Grid<'_>, k: usize, rng: &mut impl Rng) -> Result<Retrieval, Error> {
-    let (states, distractors, steps) = (grid.states().len(), grid.distractors().len(), grid.steps().len());
+    let size @ [states, distractors, steps] = size(grid);
     let cells = states * distractors;
     if k == 0 || k >= cells {
         return Err(Error::Option {
@@ -68,44 +78,66 @@ pub fn retrieval_same_step(grid: &Grid<'_>, k: usize, rng: &mut impl Rng) -> Res
     let queries = drawn((PAIRS / cells).max(1), cells * steps, rng);
     let cut = Cut::new(grid);
     let space = cut.space()?;
-    // Positions in the cut go by cell and then step.
-    let hit = |&query: &usize| {
-        let (cell, step) = (query / steps, query % steps);
-        let others = (0..cells).filter(|&other| other != cell);
-        let mut near: Vec<(f64, usize)> =
-            others.map(|other| (space.distance(query, other * steps + step), other)).collect();
-        near.select_nth_unstable_by(k - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        f64::from(u8::from(near[..k].iter().any(|&(_, other)| other / distractors == cell / distractors)))
-    };
-    let hits: Vec<f64> = queries.par_iter().map(hit).collect();
+    let asked = queries.par_iter().map(|&query| ask_same_step(&space, size, k, query));
+    let left = [(states - 1) * distractors - 1, states * (distractors - 1) - 1];
+    let found = Tally::of([states, distractors], asked).interval(k, left);
     let chance = blind(distractors as f64 - 1.0, cells as f64 - 1.0, k);
-    cut.retrieval(k, &queries, &hits, chance, rng)
+    Ok(Retrieval { k, found, chance, queries: queries.len() })
+}
+
+/// What stands before the matches of one query, a position in the cut, among all other cells at its step. Positions go by cell and then step.
+fn ask_same_step(space: &Space<'_>, [states, distractors, steps]: [usize; 3], k: usize, query: usize) -> Query {
+    let (own, step) = (query / steps, query % steps);
+    let cell = Cell { state: own / distractors, distractor: own % distractors };
+    // The cell itself is no candidate: it stands behind them all.
+    let place = |row: usize| {
+        if row == own { Place::NOWHERE } else { Place { distance: space.distance(query, row * steps + step), row } }
+    };
+    let places: Vec<Place> = (0..states * distractors).map(place).collect();
+    let same = &places[cell.state * distractors..(cell.state + 1) * distractors];
+    let matches: Vec<(Place, usize)> =
+        same.iter().copied().zip(0..).filter(|&(_, distractor)| distractor != cell.distractor).collect();
+    let mut asked = Query::new(k, cell, [states, distractors], &matches);
+    for (state, places) in places.chunks(distractors).enumerate() {
+        for (distractor, &place) in places.iter().enumerate() {
+            asked.count(place, Cell { state, distractor });
+        }
+    }
+    asked
 }
 
 /// `retrieval_any_step@k`: rows of the grid, at most `options.queries`, ask for the `k` nearest among all rows under another distractor.
 ///
 /// # Errors
-/// No neighbours asked for, or latents that do not vary.
+/// No neighbours asked for, more than there are rows under other distractors, or latents that do not vary.
 pub fn retrieval_any_step(grid: &Grid<'_>, options: RetrievalOptions, rng: &mut impl Rng) -> Result<Retrieval, Error> {
-    let (distractors, steps) = (grid.distractors().len(), grid.steps().len());
-    let all = grid.rows.len();
+    let [states, distractors, steps] = size(grid);
+    let (all, k) = (grid.rows.len(), options.k);
+    let candidates = states * (distractors - 1) * steps;
+    if k == 0 || k > candidates {
+        return Err(Error::Option {
+            option: "k",
+            value: k.to_string(),
+            must: "at least 1 and at most the number of rows under other distractors",
+        });
+    }
     let queries = drawn(bounded_queries(options.queries, all), all, rng);
-    let state = |at: usize| at / (distractors * steps);
-    let step = |at: usize| grid.steps()[at % steps];
-    let labels: Vec<u32> = (0..all).map(|at| (at / steps % distractors) as u32).collect();
     let cut = Cut::new(grid);
-    let near = nearest(&cut.space()?, &queries, options.k, Exclude::Group(&labels))?;
-    let matches = |query: usize, near: usize| {
-        state(query) == state(near) && step(query).abs_diff(step(near)) <= options.tolerance
+    let space = cut.space()?;
+    let sieve = Sieve::new(&space, grid, k, options.tolerance);
+    let left = [candidates - (distractors - 1) * steps, candidates - states * steps];
+    let found = Tally::of([states, distractors], sieve.ask(&queries)).interval(k, left);
+    let blindly = |&query: &usize| {
+        let in_reach = sieve.in_reach(query % steps).count();
+        blind(((distractors - 1) * in_reach) as f64, candidates as f64, k)
     };
-    let hit = |(at, &query): (usize, &usize)| near.rows(at).iter().any(|&row| matches(query, row as usize));
-    let hits: Vec<f64> = queries.iter().enumerate().map(|query| f64::from(u8::from(hit(query)))).collect();
-    let in_reach =
-        |query: &usize| grid.steps().iter().filter(|other| other.abs_diff(step(*query)) <= options.tolerance).count();
-    let candidates = ((distractors - 1) * steps * grid.states().len()) as f64;
-    let blindly = |query: &usize| blind(((distractors - 1) * in_reach(query)) as f64, candidates, options.k);
     let chance = queries.iter().map(blindly).sum::<f64>() / queries.len() as f64;
-    cut.retrieval(options.k, &queries, &hits, chance, rng)
+    Ok(Retrieval { k, found, chance, queries: queries.len() })
+}
+
+/// States, distractors and steps.
+fn size(grid: &Grid<'_>) -> [usize; 3] {
+    [grid.states().len(), grid.distractors().len(), grid.steps().len()]
 }
 
 /// At most `most` of `all` positions, rising.
@@ -126,40 +158,23 @@ pub(super) struct Cut {
     dims: usize,
     values: Vec<f32>,
     keys: Vec<u32>,
-    state: Vec<Option<u32>>,
-    distractor: Vec<Option<u32>>,
 }
 
 impl Cut {
     pub(super) fn new(grid: &Grid<'_>) -> Self {
         let (table, rows) = (grid.table(), &grid.rows);
-        let cell = |row: &usize| table.cell(*row);
         Self {
             dims: table.dims(),
             values: rows.iter().flat_map(|&row| table.row(row)).copied().collect(),
             keys: (0..rows.len() as u32).collect(),
-            state: rows.iter().map(|row| cell(row).map(|cell| cell.0)).collect(),
-            distractor: rows.iter().map(|row| cell(row).map(|cell| cell.1)).collect(),
         }
     }
 
     pub(super) fn table(&self) -> Result<Table<'_>, Error> {
-        Table::new(self.dims, &self.values, &self.keys, &self.keys)?.with_grid(&self.state, &self.distractor)
+        Table::new(self.dims, &self.values, &self.keys, &self.keys)
     }
 
     pub(super) fn space(&self) -> Result<Space<'_>, Error> {
         Space::new(self.table()?, Metric::Standardized)
-    }
-
-    fn retrieval(
-        &self,
-        k: usize,
-        queries: &[usize],
-        hits: &[f64],
-        chance: f64,
-        rng: &mut impl Rng,
-    ) -> Result<Retrieval, Error> {
-        let found = self.table()?.trajectories().mean(queries, hits, rng);
-        Ok(Retrieval { k, found, chance, queries: queries.len() })
     }
 }

@@ -8,6 +8,8 @@ use super::{
 use crate::numbers::{GridOptions, grid_numbers};
 use crate::{Error, Table};
 
+mod intervals;
+
 /// Rows of a grid whose latent is `latent(state, distractor, step)`.
 struct Rows {
     dims: usize,
