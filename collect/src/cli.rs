@@ -9,6 +9,7 @@ mod idle;
 mod import;
 mod info;
 mod merge;
+mod number;
 mod preview;
 mod record;
 mod render;

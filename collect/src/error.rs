@@ -1,6 +1,6 @@
 //! Everything that can go wrong while collecting: the fact first, what would be right, the path last.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The result of this package's functions.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -87,6 +87,16 @@ impl Error {
     pub(crate) fn io(action: &'static str, path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
         move |cause| Self::Io { action, cause, path }
+    }
+
+    /// The same where a file names the task: that it is not known is then no fault of what was typed.
+    pub(crate) fn in_file(self, path: &Path) -> Self {
+        match self {
+            Self::World(vibes_env::Error::UnknownTask { name, known }) => {
+                Self::malformed(path, format!("unknown task {name}"), format!("the tasks are {known}"))
+            }
+            other => other,
+        }
     }
 
     pub(crate) fn malformed(path: impl Into<PathBuf>, fact: impl Into<String>, expected: impl Into<String>) -> Self {

@@ -12,12 +12,13 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use rustix::fs::{CWD, RenameFlags, renameat_with};
-use vibes_data::{EpisodeEntry, FolderLock, Grid, Manifest, Recording};
+use vibes_data::{FolderLock, Grid, Manifest, Recording};
 
 use crate::keys::SUBSET;
 use crate::paths::rebase;
-use crate::plan::{RecordOptions, state_seed};
+use crate::plan::RecordOptions;
 use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, record};
+use crate::sound::{unplanned, unplanned_in_words};
 use crate::stored::{has_logs, options_of};
 use crate::trained::{acted_by, as_named};
 use crate::{Error, Result};
@@ -84,7 +85,8 @@ pub struct ExtendRun<'a> {
 /// some of the new episodes.
 ///
 /// # Errors
-/// [`Error::Shrinks`] for a smaller size, [`Error::NotAsPlanned`] for a recording that was put together, and whatever recording may fail of.
+/// [`Error::Shrinks`] for a smaller size, [`Error::NotAsPlanned`] for a recording that was put together, [`Error::Malformed`] for new columns where the working directory is in the
+/// recording, and whatever recording may fail of.
 pub fn extend(path: &Path, size: Size, run: ExtendRun<'_>, report: &(dyn Fn(Progress) + Sync)) -> Result<Recording> {
     let places = Places::of(path)?;
     places.recover()?;
@@ -102,7 +104,10 @@ pub fn extend(path: &Path, size: Size, run: ExtendRun<'_>, report: &(dyn Fn(Prog
         Size::Episodes(episodes) => RecordOptions { episodes, ..old.clone() },
     };
     let is_wider = options.grid.map(|grid| grid.distractors) != old.grid.map(|grid| grid.distractors);
-    let source = if is_wider { Source::Grid(&recording) } else { Source::Simulation };
+    if is_wider {
+        places.check_outside()?;
+    }
+    let source = if is_wider { Source::Grid(&recording) } else { Source::Itself(&recording) };
     let seed = recording.manifest().seed;
     let with_mcap = has_logs(&recording);
     let policies = as_named(&options.acting);
@@ -129,7 +134,7 @@ pub fn extend(path: &Path, size: Size, run: ExtendRun<'_>, report: &(dyn Fn(Prog
     places.exchange()?;
     places.keep_what_is_beside()?;
     places.clear()?;
-    Ok(Recording::open(path)?)
+    Ok(Recording::open(&places.recording)?)
 }
 
 /// Adds rows or episodes where the recording lies. When that fails before there is a new one, the recording asks for what it asked for before, so that the command
@@ -179,15 +184,8 @@ fn check(recording: &Recording, options: &RecordOptions, size: Size) -> Result<(
     if recording.manifest().options.get(SUBSET).is_some() {
         return fault("it is a part of another, and growing would fill in what was left out".to_owned());
     }
-    let seed = recording.manifest().seed;
-    let planned: Vec<_> = options.episodes().collect();
-    let is_planned = |entry: &EpisodeEntry| {
-        planned.get(entry.index as usize).is_some_and(|planned| {
-            planned.cell == entry.cell && entry.seed == state_seed(seed, planned.state) && entry.steps == options.steps
-        })
-    };
-    match recording.episodes().iter().find(|entry| !is_planned(entry)) {
-        Some(entry) => fault(format!("its episode {} is not the one that its options make", entry.index)),
+    match unplanned(recording, options).first() {
+        Some(entry) => fault(unplanned_in_words(entry, options)),
         None => Ok(()),
     }
 }
@@ -240,6 +238,16 @@ impl Places {
             recording.with_file_name(name)
         };
         Ok(Self { larger: beside(".extending"), before: beside(".before-extending"), recording })
+    }
+
+    /// That whoever extends it does not stand in the recording: its folder gives its place to another, and what is done in a folder that is gone fails.
+    fn check_outside(&self) -> Result<()> {
+        let here = std::env::current_dir().and_then(std::fs::canonicalize);
+        if here.is_ok_and(|here| here.starts_with(&self.recording)) {
+            let fact = "the working directory is in this recording, and new columns put another folder in its place";
+            return Err(Error::malformed(&self.recording, fact, "run it from outside"));
+        }
+        Ok(())
     }
 
     /// Finishes an exchange that was cut off between its two steps.

@@ -6,6 +6,7 @@
 pub mod bench;
 pub mod care;
 pub mod cli;
+mod cut;
 pub mod distractor_trace;
 mod error;
 pub mod extend;
@@ -19,10 +20,12 @@ pub mod recorder;
 pub mod redraw;
 pub mod replay;
 pub mod returns;
+mod sound;
 pub mod stored;
 pub mod studio;
 mod trace;
 pub mod trained;
+mod trajectories;
 pub mod verify;
 
 pub use error::{Error, Result};

@@ -17,12 +17,14 @@ pub use source::Source;
 
 use crate::keys::SUBSET;
 use crate::plan::{PlannedEpisode, RecordOptions};
+use crate::sound::{unplanned, unplanned_in_words};
 use crate::stored::Acted;
 use crate::studio::StudioSettings;
 use crate::trained::policy;
 use crate::{Error, Result};
 use source::Stored;
-use vibes_env::render::check_drawing;
+use vibes_env::render::{RenderSettings, check_drawing};
+use vibes_env::videos::VideoLibrary;
 use vibes_env::{EnvironmentOptions, Policy, PolicyMix, PolicySpec};
 use worker::Worker;
 
@@ -65,6 +67,18 @@ impl RecordRun<'_> {
     fn prepares(&self, preparing: usize, report: &(dyn Fn(Progress) + Sync)) -> bool {
         report(Progress { preparing, wanted: u64::from(self.options.episodes), ..Progress::default() });
         !self.stop.load(Ordering::Relaxed)
+    }
+
+    /// The background videos for pictures of these settings: those that a recording names which is drawn again or grows, else those of the options.
+    fn videos_for(&self, pictures: RenderSettings, report: &(dyn Fn(Progress) + Sync)) -> Result<Arc<VideoLibrary>> {
+        let go_on = |missing: usize| self.prepares(missing, report);
+        match self.source.videos() {
+            Some((place, names)) => {
+                self.source.check_there(self.options)?;
+                self.options.named_videos(place, &names, pictures, &go_on)
+            }
+            None => self.options.videos_for(pictures, &go_on),
+        }
     }
 }
 
@@ -117,20 +131,20 @@ struct Shared<'a> {
 pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Sync)) -> Result<Recording> {
     let options = run.options;
     options.check(path)?;
-    let environment = options.environment()?;
+    let environment = options.environment().map_err(|error| match run.source.recording() {
+        Some(recording) => error.in_file(recording.path()),
+        None => error,
+    })?;
     if options.size.is_some() || options.acting.iter().any(|acting| acting.pictures.is_some()) {
         // Before anything is on disk: a machine without EGL leaves no empty recording behind.
         check_drawing()?;
     }
-    let go_on = |missing: usize| run.prepares(missing, report);
-    let videos = match (run.source.videos(), options.pictures()) {
-        (Some((place, names)), Some(pictures)) => options.named_videos(place, &names, pictures, &go_on)?,
-        _ => options.video_library(&go_on)?,
-    };
+    let seen = options.seen().map(|pictures| run.videos_for(pictures, report)).transpose()?;
+    let videos = seen.unwrap_or_else(|| Arc::new(VideoLibrary::none()));
     // What is drawn again was acted out by whoever its recording names, which need be no mix: an online run says `random`, and Python says `python`.
     let mix = run.source.acts().then(|| options.policy.parse::<PolicyMix>()).transpose()?;
     if let Some(mix) = &mix
-        && matches!(run.source, Source::Simulation)
+        && run.source.recording().is_none()
         && !path.join("manifest.json").exists()
     {
         // Nor does a file of actions that does not fit.
@@ -143,6 +157,9 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
     run.source.check_videos(videos.videos())?;
     let writer = RecordingWriter::create_or_resume(path, manifest, run.with_mcap)?;
     let resumed = Recording::open(path)?;
+    if run.source.acts() {
+        check_planned(&resumed, options)?;
+    }
     let jobs = jobs_of(run.source.episodes(options), &writer, run.threads);
     let wanted = jobs.len();
     let shared = Shared {
@@ -169,15 +186,23 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
     failure.map_or_else(|| Ok(recording?), Err)
 }
 
+/// That what is gone on with is of this recording: under its number an episode of another seed would pass for one of it.
+fn check_planned(resumed: &Recording, options: &RecordOptions) -> Result<()> {
+    let Some(entry) = unplanned(resumed, options).first().copied() else { return Ok(()) };
+    let fact = format!("{}; remove {}", unplanned_in_words(entry, options), entry.arrow.path);
+    Err(Error::NotAsPlanned { fact, path: resumed.path().into() })
+}
+
 /// Cores that this process may use: more contexts than that only wait for each other.
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
 }
 
-/// What is not there yet. Cells are ordered so that as many rows are simulated at once as there are threads: nobody waits for another's physics.
+/// What is not there yet, or lacks its log. Cells are ordered so that as many rows are simulated at once as there are threads: nobody waits for another's physics.
 fn jobs_of(planned: Vec<PlannedEpisode>, writer: &RecordingWriter, threads: usize) -> Vec<Job> {
     let mut rows: BTreeMap<u32, Arc<Row>> = BTreeMap::new();
-    let missing = planned.into_iter().filter(|episode| !writer.has(episode.index));
+    let is_missing = |episode: &PlannedEpisode| !writer.has(episode.index) || writer.lacks_log(episode.index);
+    let missing = planned.into_iter().filter(is_missing);
     let mut jobs: Vec<Job> = missing.map(|episode| (episode, rows.entry(episode.state).or_default().clone())).collect();
     jobs.sort_by_key(|(episode, _)| (episode.state as usize / threads.max(1), episode.distractor, episode.state));
     jobs

@@ -9,7 +9,7 @@ use vibes_data::{EpisodeView, Manifest, Recording};
 use crate::care::merge::merged_parts;
 use crate::largest::largest;
 use crate::stored::{start_of, takes_torques};
-use crate::{Result, Trace};
+use crate::{Error, Result, Trace};
 use vibes_env::{Environment, EnvironmentOptions};
 
 /// The largest absolute difference of each column.
@@ -29,6 +29,26 @@ impl EpisodeErrors {
     /// The largest of all; infinite when a number is not finite.
     pub fn largest(&self) -> f64 {
         largest([self.qpos, self.qvel, self.observations, self.rewards])
+    }
+
+    /// Compares what an environment is at now with a stored row.
+    pub(crate) fn compare_row(&mut self, environment: &Environment, view: &EpisodeView, row: usize) {
+        let physics = environment.physics();
+        let pairs = |stored: &[f64], again: &[f64], largest: &mut f64| {
+            stored.iter().zip(again).for_each(|(&stored, &again)| larger(largest, stored, again));
+        };
+        pairs(view.qpos(row), physics.qpos(), &mut self.qpos);
+        pairs(view.qvel(row), physics.qvel(), &mut self.qvel);
+        let mut observation = Vec::new();
+        environment.observe(&mut observation);
+        for (&stored, again) in view.observation(row).iter().zip(observation) {
+            larger(&mut self.observations, f64::from(stored), f64::from(again as f32));
+        }
+    }
+
+    /// Compares what an agent step earned with what is stored of it.
+    pub(crate) fn compare_reward(&mut self, view: &EpisodeView, step: usize, reward: f64) {
+        larger(&mut self.rewards, f64::from(view.reward(step)), f64::from(reward as f32));
     }
 }
 
@@ -51,9 +71,12 @@ pub struct ReplayedEpisode {
 pub fn environment_of(recording: &Recording, index: u32) -> Result<Environment> {
     let spec = &recording.manifest().spec;
     let action_repeat = Some(spec.action_repeat);
-    let made = |raw_torques| Environment::new(&spec.task, EnvironmentOptions { action_repeat, raw_torques });
+    let made = |raw_torques| {
+        let made = Environment::new(&spec.task, EnvironmentOptions { action_repeat, raw_torques });
+        made.map_err(|error| Error::from(error).in_file(recording.path()))
+    };
     if let Some(raw_torques) = torques_of(recording.manifest(), index) {
-        return Ok(made(raw_torques)?);
+        return made(raw_torques);
     }
     let environment = made(false)?;
     let fits = environment.action_len() == spec.action_len();
@@ -81,7 +104,7 @@ pub fn replay_episode(recording: &Recording, index: u32) -> Result<ReplayedEpiso
     let mut trace = Trace::begin(&environment, start, entry.seed);
     let mut errors = EpisodeErrors::default();
     let mut positions = Vec::new();
-    compare_row(&mut errors, &environment, &view, 0);
+    errors.compare_row(&environment, &view, 0);
     positions.push(environment.physics().qpos().to_vec());
     for step in 0..view.steps() {
         let action: Vec<f64> = view.action(step).iter().map(|&number| f64::from(number)).collect();
@@ -89,25 +112,11 @@ pub fn replay_episode(recording: &Recording, index: u32) -> Result<ReplayedEpiso
         for _ in 0..environment.action_repeat() {
             reward += trace.control_step(&mut environment, &action)?;
         }
-        larger(&mut errors.rewards, f64::from(view.reward(step)), f64::from(reward as f32));
-        compare_row(&mut errors, &environment, &view, step + 1);
+        errors.compare_reward(&view, step, reward);
+        errors.compare_row(&environment, &view, step + 1);
         positions.push(environment.physics().qpos().to_vec());
     }
     Ok(ReplayedEpisode { errors, trace, positions })
-}
-
-fn compare_row(errors: &mut EpisodeErrors, environment: &Environment, view: &EpisodeView, row: usize) {
-    let physics = environment.physics();
-    let pairs = |stored: &[f64], again: &[f64], largest: &mut f64| {
-        stored.iter().zip(again).for_each(|(&stored, &again)| larger(largest, stored, again));
-    };
-    pairs(view.qpos(row), physics.qpos(), &mut errors.qpos);
-    pairs(view.qvel(row), physics.qvel(), &mut errors.qvel);
-    let mut observation = Vec::new();
-    environment.observe(&mut observation);
-    for (&stored, again) in view.observation(row).iter().zip(observation) {
-        larger(&mut errors.observations, f64::from(stored), f64::from(again as f32));
-    }
 }
 
 /// Keeps the largest difference.

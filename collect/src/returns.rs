@@ -3,10 +3,12 @@
 use std::collections::BTreeSet;
 
 use serde::Serialize;
-use vibes_data::{EpisodeEntry, Recording};
+use vibes_data::Recording;
 use vibes_measure::returns::mean_return;
 
-/// The returns of a recording's state trajectories. The cells of a grid's row share their actions and rewards, so that a row counts once.
+use crate::trajectories::trajectories;
+
+/// The returns of a recording's state trajectories. The cells of a grid's row share their actions and rewards, and so do views that were merged, so that each counts once.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Returns {
     /// The mean over state trajectories.
@@ -20,12 +22,15 @@ pub struct Returns {
 impl Returns {
     /// Of a recording; none when it has no episode yet.
     pub fn of(recording: &Recording) -> Option<Self> {
-        Self::of_episodes(recording.episodes())
+        let returns = recording.episodes().iter().map(|entry| entry.episode_return);
+        Self::of_episodes(returns.zip(acted(recording)))
     }
 
-    /// Of some of a recording's episodes; none of none.
-    pub fn of_episodes<'e>(episodes: impl IntoIterator<Item = &'e EpisodeEntry>) -> Option<Self> {
-        let returns = acted_once(episodes);
+    /// Of some of a recording's episodes, by return and state trajectory (see [`acted`]); none of none.
+    pub(crate) fn of_episodes(episodes: impl IntoIterator<Item = (f64, u32)>) -> Option<Self> {
+        let mut seen = BTreeSet::new();
+        let once = episodes.into_iter().filter(|&(_, trajectory)| seen.insert(trajectory));
+        let returns: Vec<f64> = once.map(|(earned, _)| earned).collect();
         let mean = mean_return(&returns).ok()?;
         let interval = [mean.low, mean.high];
         let is_known = interval.iter().all(|end| end.is_finite());
@@ -33,9 +38,8 @@ impl Returns {
     }
 }
 
-/// The returns of the first episode of each grid row, and of every episode without a cell.
-fn acted_once<'e>(episodes: impl IntoIterator<Item = &'e EpisodeEntry>) -> Vec<f64> {
-    let mut rows = BTreeSet::new();
-    let once = episodes.into_iter().filter(|entry| entry.cell.is_none_or(|cell| rows.insert(cell.state)));
-    once.map(|entry| entry.episode_return).collect()
+/// The state trajectory of every episode of a recording. Where one is damaged that would have to be looked into, each counts for itself: what is damaged is for `verify` to say.
+pub(crate) fn acted(recording: &Recording) -> Vec<u32> {
+    let each = || recording.episodes().iter().map(|entry| entry.index).collect();
+    trajectories(recording).unwrap_or_else(|_damaged| each())
 }

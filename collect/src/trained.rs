@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use vibes_data::{Metrics, RunFolder};
+use vibes_data::{GivenFrom, HeadStart, Metrics, RunFolder};
 use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::{Look, RenderSettings};
 use vibes_env::videos::VideoSource;
@@ -125,7 +125,8 @@ pub fn home(run: &Path) -> Home {
     let online: serde_json::Value = online.or_else(read).unwrap_or_default();
     let world = &online["world"];
     let videos: Option<VideoSource> = serde_json::from_value(world["videos"].clone()).ok();
-    let (given_control_steps, given_from) = given(run, &online);
+    let began_with = info.as_ref().and_then(|info| info.began_with);
+    let (given_control_steps, given_from) = given(run, &online, began_with);
     Home {
         distractors: serde_json::from_value(world["distractors"].clone()).ok(),
         videos: videos.map(|videos| videos.found(run)),
@@ -146,11 +147,16 @@ pub fn home(run: &Path) -> Home {
     }
 }
 
-/// The control steps that a run began with, and what they are known from where that is not the recordings; of one that was begun before its options said so, as its evaluations do.
-fn given(run: &Path, online: &serde_json::Value) -> (Option<u64>, Option<String>) {
+/// The control steps that a run began with, and what they are known from where that is not the recordings; of one that was begun before its options said so, as a copy of it that was kept
+/// says, or its evaluations.
+fn given(run: &Path, online: &serde_json::Value, kept: Option<HeadStart>) -> (Option<u64>, Option<String>) {
     if let Some(from) = online["given_from"].as_str() {
         let is_told = from != "recordings" && from != "unknown";
         return (online["given_control_steps"].as_u64(), is_told.then(|| from.to_owned()));
+    }
+    if let Some(kept) = kept {
+        let is_told = kept.given_from == GivenFrom::RunFile;
+        return (kept.given_control_steps, is_told.then(|| "run.json".to_owned()));
     }
     let evaluations = Metrics::read(&RunFolder::at(run).evaluations_path()).unwrap_or_default();
     let last = evaluations.lines.last();
@@ -257,6 +263,12 @@ mod tests {
         std::fs::write(folder.path().join("evaluations.jsonl"), lines).unwrap();
         assert_eq!(began(serde_json::json!({})), (Some(640), None), "an older run");
         assert_eq!(began(serde_json::json!({ "given_from": "unknown" })), (None, None));
+        let info = serde_json::json!({
+            "format": "vibes-run/1", "options": {}, "model": {}, "recordings": [], "from": "runs/first", "episodes": 0, "steps": 0, "versions": {},
+            "began_with": { "given_control_steps": 960, "given_from": "run.json" },
+        });
+        std::fs::write(folder.path().join("run.json"), info.to_string()).unwrap();
+        assert_eq!(began(serde_json::json!({})), (Some(960), Some("run.json".to_owned())), "a copy of an older run");
     }
 
     /// A run that is recorded while it learns on must not act with weights that the manifest does not name.

@@ -1,29 +1,33 @@
 //! Checks a recording against the world: after what `vibes-data` checks of the files, every episode's physics is simulated again from its first row
-//! and its actions, and a few of its pictures are drawn again.
+//! and its actions, and a few of its pictures are drawn again. What is stored of every row is compared with what the simulation is at: states, observations and rewards.
 //!
 //! In: a recording. Out: a [`Verdict`]: what is wrong, and the largest errors seen. Where background videos did not travel along with the recording, no pictures are
 //! drawn; the physics needs none.
+
+mod pictures;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use vibes_data::{BackgroundFrame, EpisodeEntry, EpisodeView, Finding, Recording, verify_episode};
+use vibes_data::{EpisodeEntry, EpisodeView, Finding, Recording, verify_episode};
 
 use crate::Result;
 use crate::care::merge::{MergedPart, merged_parts};
-use crate::largest::{largest, largest_difference};
+use crate::largest::largest;
 use crate::plan::RecordOptions;
+use crate::replay::EpisodeErrors;
+use crate::sound::{planned_options, unplanned, unplanned_in_words};
 use crate::stored::{missing, read_options};
-use vibes_env::distractors::View;
-use vibes_env::render::{Renderer, picture_difference};
+use pictures::{Drawing, Drawn};
+use vibes_env::render::Renderer;
 use vibes_env::videos::VideoLibrary;
 use vibes_env::{Environment, ModelOverrides, Start};
 
 /// Physics on one machine is exact; another processor may round differently.
 const QPOS_TOLERANCE: f64 = 1e-6;
-/// Mean absolute error a picture may have, of 255: drivers differ by a few.
-const PICTURE_TOLERANCE: f64 = 3.0;
+/// What follows from positions follows steeply, and single precision is coarser: velocities, observations and rewards may be off by this much more.
+const OTHER_TOLERANCE: f64 = 1e-4;
 
 /// What a check found.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -65,6 +69,13 @@ impl Verdict {
         let undrawn = self.undrawn_text();
         let findings = self.findings.len();
         format!("{state}: {episodes} episodes{missing}, {findings} findings{simulated}{drawn}{undrawn}{foreign}")
+    }
+
+    /// How to mend what is wrong with a recording that can be simulated again; none where nothing is, or no command makes its episodes.
+    pub fn mend(&self, recording: &Recording) -> Option<&'static str> {
+        let can_be_mended = !self.findings.is_empty() && planned_options(recording).is_some();
+        can_be_mended
+            .then_some("to mend it, remove these files and repeat the recording's command, which makes them again")
     }
 
     /// What could not be drawn, and why.
@@ -113,7 +124,20 @@ pub fn verify(recording: &Recording, simulate: bool) -> Result<Verdict> {
         verdict.findings.extend(findings);
     }
     verdict.findings.extend(recording.strays().iter().cloned());
+    // The log of an episode that is yet to be made is what a killed program left.
+    verdict.findings.extend(recording.unlisted_logs(missing(recording).is_empty()));
+    verdict.findings.extend(not_asked_for(recording));
     Ok(verdict)
+}
+
+/// The episodes of a recorded recording that its own options do not make.
+fn not_asked_for(recording: &Recording) -> Vec<Finding> {
+    let Some(options) = planned_options(recording) else { return Vec::new() };
+    let finding = |entry: &EpisodeEntry| Finding {
+        path: recording.path().join(&entry.arrow.path),
+        fault: unplanned_in_words(entry, &options),
+    };
+    unplanned(recording, &options).into_iter().map(finding).collect()
 }
 
 /// What it takes to simulate each episode again: of a merged recording, that of the part it came from. One is open at a time, since
@@ -194,7 +218,7 @@ struct Again {
 
 impl Again {
     fn new(options: &RecordOptions, (place, names): (&Path, &[String]), listed: Option<Vec<u32>>) -> Result<Self> {
-        let environment = options.environment()?;
+        let environment = options.environment().map_err(|error| error.in_file(place))?;
         let absent = options.pictures().map(|_| options.absent_videos(place, names)).transpose()?.flatten();
         let settings = options.pictures().filter(|_| absent.is_none());
         let open = |settings| Renderer::new(settings, environment.scenery(), environment.physics().model());
@@ -219,55 +243,48 @@ impl Again {
             verdict.undrawn += 1;
             verdict.absent_videos.insert(folder.clone());
         }
-        let pictures = self.draw_again(view)?;
-        let mut positions = 0.0;
-        for step in 0..view.steps() {
-            let action: Vec<f64> = view.action(step).iter().map(|&number| f64::from(number)).collect();
-            self.environment.step(&action)?;
-            let pairs = self.environment.physics().qpos().iter().zip(view.qpos(step + 1));
-            positions = largest([positions, largest_difference(pairs.map(|(&again, &stored)| (again, stored)))]);
-        }
+        let drawn = self.draw_again(view)?;
+        let errors = self.simulate(view)?;
         // An episode is judged by its own errors; the verdict keeps the largest of all only to say it.
-        let (count, worst) = (pictures.len(), largest(pictures));
-        verdict.pictures += count;
-        verdict.largest_picture_error = largest([verdict.largest_picture_error, worst]);
-        verdict.largest_qpos_error = largest([verdict.largest_qpos_error, positions]);
-        let differs = |fact: String| Err(crate::Error::Differs { index: entry.index, fact });
-        if positions > QPOS_TOLERANCE {
-            return differs(format!("simulated again, positions differ by {positions:.1e}"));
+        verdict.pictures += drawn.errors.len();
+        verdict.largest_picture_error =
+            largest([verdict.largest_picture_error].into_iter().chain(drawn.errors.clone()));
+        verdict.largest_qpos_error = largest([verdict.largest_qpos_error, errors.qpos]);
+        match fault_of(&errors).or_else(|| drawn.fault()) {
+            Some(fact) => Err(crate::Error::Differs { index: entry.index, fact }),
+            None => Ok(()),
         }
-        if worst > PICTURE_TOLERANCE {
-            return differs(format!("drawn again, a picture differs by {worst:.1} of 255"));
-        }
-        Ok(())
     }
 
-    /// Mean absolute errors of the first, middle and last picture.
-    fn draw_again(&mut self, view: &EpisodeView) -> Result<Vec<f64>> {
-        let Some(renderer) = &mut self.renderer else { return Ok(Vec::new()) };
-        renderer.set_model(self.environment.physics().model())?;
-        renderer.begin_episode(view.qpos(0))?;
-        let mut picture = vec![0; renderer.picture_bytes()];
-        let mut errors = Vec::new();
-        for row in [0, view.rows() / 2, view.rows() - 1] {
-            let shown = View {
-                camera: Some(view.camera(row)),
-                background: view.background(row).and_then(|shown| own_video(self.listed.as_deref(), shown)),
-                colors: Some(view.colors(row)),
-            };
-            renderer.draw(view.qpos(row), &shown, &self.videos, &mut picture)?;
-            let stored = view.pixels(row);
-            // A picture that is missing is as wrong as can be, though it has no pixel that differs.
-            let is_there = stored.len() == picture.len();
-            errors.push(if is_there { picture_difference(&picture, stored).0 } else { f64::INFINITY });
+    /// Simulates the episode from where it was put, and compares every row.
+    fn simulate(&mut self, view: &EpisodeView) -> Result<EpisodeErrors> {
+        let mut errors = EpisodeErrors::default();
+        errors.compare_row(&self.environment, view, 0);
+        for step in 0..view.steps() {
+            let action: Vec<f64> = view.action(step).iter().map(|&number| f64::from(number)).collect();
+            let reward = self.environment.step(&action)?;
+            errors.compare_reward(view, step, reward);
+            errors.compare_row(&self.environment, view, step + 1);
         }
         Ok(errors)
     }
+
+    fn draw_again(&mut self, view: &EpisodeView) -> Result<Drawn> {
+        let Some(renderer) = &mut self.renderer else { return Ok(Drawn::default()) };
+        renderer.set_model(self.environment.physics().model())?;
+        renderer.begin_episode(view.qpos(0))?;
+        Drawing { renderer, videos: &self.videos, listed: self.listed.as_deref() }.sample(view)
+    }
 }
 
-/// A background by the index that its video has among the part's own.
-fn own_video(listed: Option<&[u32]>, shown: BackgroundFrame) -> Option<BackgroundFrame> {
-    let Some(listed) = listed else { return Some(shown) };
-    let own = listed.iter().position(|&video| video == shown.video)?;
-    Some(BackgroundFrame { video: own as u32, ..shown })
+/// The first column that is further off than it may be.
+fn fault_of(errors: &EpisodeErrors) -> Option<String> {
+    let columns = [
+        ("positions", errors.qpos, QPOS_TOLERANCE),
+        ("velocities", errors.qvel, OTHER_TOLERANCE),
+        ("observations", errors.observations, OTHER_TOLERANCE),
+        ("rewards", errors.rewards, OTHER_TOLERANCE),
+    ];
+    let (name, error, _) = columns.into_iter().find(|&(_, error, tolerance)| error > tolerance)?;
+    Some(format!("simulated again, {name} differ by {error:.1e}"))
 }

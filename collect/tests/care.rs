@@ -91,7 +91,7 @@ fn recordings_of_different_commands_are_numbered_anew_and_their_videos_found() {
     let parts = [
         recording(&folder.path().join("grid"), 2, 2),
         plain(&folder.path().join("plain"), 3, 9, &["b", "c"]),
-        plain(&folder.path().join("more"), 2, 11, &["a", "b"]),
+        plain(&folder.path().join("more"), 2, 11, &["d", "b"]),
     ];
     let out = folder.path().join("out");
     let (merged, report) = merge(&parts, &out, FileTransfer::Link).unwrap();
@@ -100,7 +100,7 @@ fn recordings_of_different_commands_are_numbered_anew_and_their_videos_found() {
     assert_eq!(merged.manifest().grid, None);
     let names =
         |recording: &Recording| -> Vec<String> { recording.manifest().videos.iter().map(|v| v.name.clone()).collect() };
-    assert_eq!(names(&merged), ["a", "b", "c"]);
+    assert_eq!(names(&merged), ["a", "b", "c", "d"]);
     let mut index = 0;
     for part in &parts {
         for (entry, mut before) in part.episodes().iter().zip(episodes(part)) {
@@ -126,6 +126,7 @@ fn recordings_of_different_commands_are_numbered_anew_and_their_videos_found() {
     assert_eq!(notes.iter().map(|part| (part.first, part.episodes)).collect::<Vec<_>>(), [(0, 4), (4, 3), (7, 2)]);
     let (again, _) =
         merge(&[merged, parts.into_iter().nth(1).unwrap()], &folder.path().join("again"), FileTransfer::Link).unwrap();
+    assert_eq!(again.episodes().len(), 9, "what is there already is not doubled");
     assert_eq!(merged_parts(again.manifest()).unwrap().len(), 4, "parts of parts are kept apart");
     assert_eq!(verify_recording(&again), []);
 }

@@ -17,14 +17,15 @@ fn what_care_makes_is_sound() {
     works(here, "--episodes 2 --steps 5 --size 32 --seed 4 --video-set val -o plain");
     assert!(works(here, "split grid --parts 0.5,0.5").contains("grid-train: 2 episodes"));
     works(here, "filter grid --states 1 --distractors 0-1 -o corner");
-    works(here, "merge plain corner grid -o all");
+    let said = works(here, "merge plain corner grid -o all");
+    assert!(said.contains("6 episodes") && said.contains("2 left out that are in an earlier one too"), "{said}");
     works(here, "merge grid-val grid-train -o again");
     for made in ["grid-train", "grid-val", "corner", "again"] {
         assert!(works(here, &format!("verify {made}")).contains("0 findings"), "{made}");
     }
     let said = works(here, "verify all");
     assert!(
-        said.contains("sound: 8 episodes") && said.contains("24 pictures drawn again"),
+        said.contains("sound: 6 episodes") && said.contains("18 pictures drawn again"),
         "every part is drawn again: {said}"
     );
     let manifest = |of: &str| std::fs::read(here.join(of).join("manifest.json")).unwrap();
@@ -39,8 +40,9 @@ fn what_care_makes_is_sound() {
     assert_eq!(said["episodes_asked"], 4);
     // Every part has a seed and distractors of its own.
     let said = works(here, "info all");
-    for wanted in ["plain: 2 episodes, seed 4, distractors {", "corner: 2 episodes, seed 0", "grid: 4 episodes, seed 0"]
-    {
+    let in_words = "distractors background, camera, color; easy, dynamic";
+    let plain = format!("plain: 2 episodes, seed 4, {in_words}");
+    for wanted in [plain.as_str(), "corner: 2 episodes, seed 0", "grid: 2 episodes, seed 0"] {
         assert!(said.contains(wanted) && !said.contains("unknown"), "{wanted} in {said}");
     }
     for line in ["extend all --episodes 20", "render all --size 8 -o drawn"] {
@@ -62,7 +64,8 @@ fn wrong_care_is_refused_with_what_would_be_right() {
     fails(here, "merge grid cartpole -o out", 2, "recordings of one spec");
     fails(here, "merge grid nowhere -o out", 1, "no recording here");
     fails(here, "split grid", 2, "1 rows of states");
-    fails(here, "split cartpole --by state", 2, "--by episode");
+    fails(here, "split cartpole --by state", 2, "1 state trajectories");
+    fails(here, "split cartpole --by distractor", 2, "--by episode");
     fails(here, "split grid --parts 0.5,0.7", 2, "sum to at most 1");
     fails(here, "split grid --by distractor --parts 0.5,0.5 --names a", 2, "a different name for each part");
     fails(here, "filter grid -o out", 2, "required");
@@ -151,7 +154,9 @@ fn actions_of_a_file_are_checked_before_anything_is_recorded() {
         assert!(!here.join("acted").exists(), "{text}");
     }
     std::fs::write(here.join("mine.json"), "[[0, 0], [0, 5]]").unwrap();
-    works(here, &record(2));
+    let output = run::collect(here, &record(2));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && said.contains("1 number is beyond the bounds"), "{said}");
     let recording = Recording::open(&here.join("acted")).unwrap();
     // What is kept is what the actuators can do.
     assert_eq!(recording.episode(0).unwrap().action(1), [0.0, 1.0]);

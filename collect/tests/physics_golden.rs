@@ -6,6 +6,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use vibes_collect::Trace;
+use vibes_env::{KNOWN_SLIDE, task_names};
 
 const TOLERANCE: f64 = 1e-9;
 
@@ -15,6 +16,22 @@ fn golden() -> Vec<PathBuf> {
     let mut traces: Vec<PathBuf> = entries.filter(|path| path.extension().is_some_and(|end| end == "json")).collect();
     traces.sort();
     traces
+}
+
+/// Without a trace nothing compares a task's physics, and a folder without traces would pass the test below. `known-slide` is this project's own: `dm_control` has nothing to compare it with.
+#[test]
+fn every_registered_task_has_a_golden_trace() {
+    let traced: Vec<String> = golden().iter().map(|path| Trace::read(path).unwrap().task).collect();
+    // `swimmer-N` stands for every number of links.
+    let is_of = |name: &str, task: &str| match name.strip_suffix('N') {
+        Some(stem) => task.starts_with(stem),
+        None => task == name,
+    };
+    let registered: Vec<&str> = task_names().into_iter().filter(|name| *name != KNOWN_SLIDE).collect();
+    assert!(!registered.is_empty());
+    let missing: Vec<&str> =
+        registered.into_iter().filter(|name| !traced.iter().any(|task| is_of(name, task))).collect();
+    assert!(missing.is_empty(), "no trace of {missing:?} in tests/golden/physics");
 }
 
 #[test]

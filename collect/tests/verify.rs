@@ -7,7 +7,7 @@ mod process;
 
 use std::path::Path;
 
-use process::works;
+use process::{fails, works};
 use vibes_collect::verify::verify;
 use vibes_data::{Episode, EpisodeInfo, FileTransfer, Manifest, Recording, RecordingWriter};
 
@@ -55,4 +55,24 @@ fn a_damaged_episode_condemns_itself_alone() {
             assert!(faults[0].contains(&format!("episode {index}")) && faults[0].contains(said), "{faults:?}");
         }
     }
+}
+
+/// What a recording names is no argument of the command's: a task that this build does not know is a failure, and not a wrong argument.
+#[test]
+fn a_recording_of_an_unknown_task_is_refused_as_the_file_s_fault() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    works(folder, "--episodes 1 --steps 3 --no-pixels --no-mcap -q -o r");
+    works(folder, "replay r --out r.json --quiet");
+    for file in ["r/manifest.json", "r.json"] {
+        let text = std::fs::read_to_string(folder.join(file)).unwrap();
+        assert!(text.contains("reacher-easy"), "{file}");
+        std::fs::write(folder.join(file), text.replace("reacher-easy", "juggler")).unwrap();
+    }
+    for verb in ["verify r", "replay r", "replay r.json", "render r -o drawn", "extend r --episodes 2"] {
+        fails(folder, verb, 1, "unknown task juggler; the tasks are ");
+    }
+    assert!(!folder.join("drawn").exists());
+    // What was typed is one.
+    fails(folder, "--task juggler -o typed", 2, "unknown task juggler");
 }

@@ -321,20 +321,25 @@ fn an_episode_that_is_not_its_own_actions_is_found() {
     let folder = folder.path();
     works(folder, "--episodes 1 --steps 6 --no-pixels --no-mcap -o episode");
     let recording = open(folder, "episode");
-    let mut episode = recording.episode(0).unwrap().to_episode();
-    episode.actions[0] = -episode.actions[0];
-    let writer = vibes_data::RecordingWriter::create_or_resume(
-        &folder.join("forged"),
-        vibes_data::Manifest { episodes: Vec::new(), ..recording.manifest().clone() },
-        false,
-    )
-    .unwrap();
-    let model_overrides = recording.episodes()[0].model_overrides.clone();
-    writer.write(&episode, vibes_data::EpisodeInfo { model_overrides, ..Default::default() }).unwrap();
-    writer.finish().unwrap();
+    let forge = |name: &str, change: fn(&mut vibes_data::Episode)| {
+        let mut episode = recording.episode(0).unwrap().to_episode();
+        change(&mut episode);
+        let manifest = vibes_data::Manifest { episodes: Vec::new(), ..recording.manifest().clone() };
+        let writer = vibes_data::RecordingWriter::create_or_resume(&folder.join(name), manifest, false).unwrap();
+        let model_overrides = recording.episodes()[0].model_overrides.clone();
+        writer.write(&episode, vibes_data::EpisodeInfo { model_overrides, ..Default::default() }).unwrap();
+        writer.finish().unwrap();
+    };
     works(folder, "replay episode");
+    forge("forged", |episode| episode.actions[0] = -episode.actions[0]);
     let output = process::collect(folder, "replay forged");
     assert_eq!(output.status.code(), Some(1), "{output:?}");
+    // JSON has no infinity, and null says that there was nothing to compare.
+    forge("infinite", |episode| episode.qpos[4] = f64::INFINITY);
+    let output = process::collect(folder, "replay infinite --json");
+    let errors: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((output.status.code(), &errors["qpos"]), (Some(1), &"Infinity".into()), "{errors}");
+    assert!(errors["qvel"].is_number() && errors["rewards"].is_number(), "{errors}");
 }
 
 #[test]

@@ -62,16 +62,18 @@ pub fn episode_schema(spec: &Spec) -> Schema {
     Schema::new(fields)
 }
 
-/// The bytes of the Arrow file of one episode; `entry` goes into the schema's metadata.
-pub(crate) fn arrow_bytes(episode: &Episode, spec: &Spec, entry: &EpisodeEntry) -> Result<Vec<u8>> {
+/// The bytes of the Arrow file of one episode; `entry` goes into the schema's metadata. In a recording that `is_older` than the column of the distractor that a policy saw, a table has
+/// it only where it says something.
+pub(crate) fn arrow_bytes(episode: &Episode, spec: &Spec, entry: &EpisodeEntry, is_older: bool) -> Result<Vec<u8>> {
     let as_error =
         |fact: String| Error::Episode { index: episode.index, fact, expected: "columns that Arrow can hold".into() };
     let entry = serde_json::to_string(entry).map_err(|error| as_error(error.to_string()))?;
     let schema = episode_schema(spec).with_metadata(HashMap::from([(ENTRY.to_owned(), entry)]));
-    let schema = Arc::new(schema);
+    let is_left_out = |name: &str| is_older && episode.acting_distractor.is_none() && name == ACTING_DISTRACTOR;
     let write = || -> std::result::Result<Vec<u8>, arrow::error::ArrowError> {
-        let batch = RecordBatch::try_new(schema.clone(), columns(episode, spec)?)?;
-        let mut writer = FileWriter::try_new(Vec::with_capacity(episode.pixels.len() + 65_536), &schema)?;
+        let kept: Vec<usize> = (0..schema.fields().len()).filter(|&at| !is_left_out(schema.field(at).name())).collect();
+        let batch = RecordBatch::try_new(Arc::new(schema.clone()), columns(episode, spec)?)?.project(&kept)?;
+        let mut writer = FileWriter::try_new(Vec::with_capacity(episode.pixels.len() + 65_536), &batch.schema())?;
         writer.write(&batch)?;
         writer.finish()?;
         writer.into_inner()

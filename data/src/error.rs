@@ -58,6 +58,18 @@ pub enum Error {
         /// The recording.
         path: PathBuf,
     },
+    /// A recording under other background videos lies where a new one was asked for, though both name the same options: their folder holds others by now.
+    #[error(
+        "another recording is here: its videos were {found}; this folder now gives {asked}; put its own back, or name another folder with -o: {path}"
+    )]
+    OtherVideos {
+        /// Those of the recording.
+        found: String,
+        /// Those that its options give now.
+        asked: String,
+        /// The recording.
+        path: PathBuf,
+    },
     /// Another process writes into the folder.
     #[error("{owner} is writing here; wait until it has ended, or name another folder with -o: {path}")]
     Owned {

@@ -7,6 +7,7 @@
 mod arrow_table;
 mod atomic;
 mod decoded;
+mod digest;
 mod episode;
 mod error;
 mod finding;
@@ -43,10 +44,10 @@ pub use place::{find_place, followed, followed_place, is_same_place, relative_pl
 pub use quantity::{About, Formula, Quantity};
 pub use readable::Readable;
 pub use recording::Recording;
-pub use run::{MODEL_FREE_FORMAT, Metrics, MetricsFile, RUN_FORMAT, RunFolder, RunInfo};
+pub use run::{GivenFrom, HeadStart, MODEL_FREE_FORMAT, Metrics, MetricsFile, RUN_FORMAT, RunFolder, RunInfo};
 pub use spec::{ActionSpec, ImageSize, MOST_ACTION_REPEAT, MOST_EPISODES, MOST_STEPS, ObservationPart, Spec};
 pub use updates::{Purpose, Windows, update_rng};
-pub use verify::{verify_episode, verify_recording};
+pub use verify::{check_file, verify_episode, verify_recording};
 pub use view::{EpisodeView, episode_table};
 pub use windows::{WindowBatch, WindowSampler};
 pub use writer::{EpisodeInfo, FileTransfer, RecordingWriter};

@@ -88,7 +88,7 @@ pub struct EpisodeEntry {
 
 impl EpisodeEntry {
     /// Whether its files lie in the recording's folder, as large as it says. What is in them is for [`verify_episode`](crate::verify_episode) to read.
-    pub(crate) fn has_its_files(&self, recording: &Path) -> bool {
+    pub fn has_its_files(&self, recording: &Path) -> bool {
         let lies_there = |file: &FileEntry| {
             std::fs::metadata(recording.join(&file.path))
                 .is_ok_and(|found| found.is_file() && found.len() == file.bytes)

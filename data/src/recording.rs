@@ -3,10 +3,12 @@
 //! A recording that was killed half-way opens too: finished episodes that the manifest does not list yet are found by their
 //! files, which carry their own entries. A file that is no episode of the recording is left alone, for `verify` to name.
 
+mod unlisted;
+
 use std::path::{Path, PathBuf};
 
-use crate::arrow_table::read_episode_entry;
-use crate::{EpisodeEntry, EpisodeView, Error, FileEntry, Finding, Manifest, Result};
+use crate::{EpisodeEntry, EpisodeView, Error, Finding, Manifest, Result};
+pub(crate) use unlisted::numbered;
 
 /// The folder of episode files inside a recording.
 pub(crate) const EPISODES: &str = "episodes";
@@ -23,19 +25,36 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Opens a recording.
+    /// Opens a recording, named by its folder or by the manifest in it.
     ///
     /// # Errors
     /// [`Error::NoRecording`], or [`Error::Malformed`] for a damaged manifest.
     pub fn open(path: &Path) -> Result<Self> {
+        let path = Self::folder_of(path);
         let mut manifest = Manifest::read(&path.join(MANIFEST))?;
-        let strays = adopt_unlisted(path, &mut manifest)?;
+        let strays = unlisted::adopt(path, &mut manifest)?;
         Ok(Self { path: path.into(), manifest, strays })
+    }
+
+    /// The folder of the recording that is named: the path itself, or where it lies if it is a recording's manifest, which tab completion ends at.
+    pub fn folder_of(path: &Path) -> &Path {
+        let is_manifest = path.file_name().is_some_and(|name| name == MANIFEST) && path.is_file();
+        match path.parent().filter(|_| is_manifest) {
+            Some(folder) if folder.as_os_str().is_empty() => Path::new("."),
+            Some(folder) => folder,
+            None => path,
+        }
     }
 
     /// Files among the episodes that the manifest does not list and that are no episodes of this recording.
     pub fn strays(&self) -> &[Finding] {
         &self.strays
+    }
+
+    /// The logs among the episodes that the manifest does not list. The log of an episode that is not there is what a killed program leaves, and counts only if nothing is missing
+    /// (`is_whole`).
+    pub fn unlisted_logs(&self, is_whole: bool) -> Vec<Finding> {
+        unlisted::logs(&self.path, &self.manifest, is_whole)
     }
 
     /// Where the recording lies.
@@ -83,53 +102,4 @@ impl Recording {
 /// The path of an episode's file inside the recording.
 pub(crate) fn episode_path(index: u32, ending: &str) -> String {
     format!("{EPISODES}/{index:06}.{ending}")
-}
-
-/// Adds finished episodes that the manifest does not list; returns the files that are none.
-fn adopt_unlisted(path: &Path, manifest: &mut Manifest) -> Result<Vec<Finding>> {
-    let mut strays = Vec::new();
-    for index in finished_files(&path.join(EPISODES))? {
-        let Err(place) = manifest.episodes.binary_search_by_key(&index, |entry| entry.index) else { continue };
-        let fault = match adopt(path, index) {
-            Ok(entry) => {
-                manifest.episodes.insert(place, entry);
-                let checked = manifest.check(&path.join(MANIFEST));
-                if checked.is_err() {
-                    manifest.episodes.remove(place);
-                }
-                checked.err()
-            }
-            Err(error) => Some(error),
-        };
-        let file = path.join(episode_path(index, "arrow"));
-        strays.extend(fault.map(|error| Finding { path: file, fault: format!("not in the manifest: {error}") }));
-    }
-    Ok(strays)
-}
-
-fn adopt(path: &Path, index: u32) -> Result<EpisodeEntry> {
-    let file = |ending: &str| -> Result<FileEntry> {
-        let name = episode_path(index, ending);
-        let contents = std::fs::read(path.join(&name)).map_err(Error::io("read", path.join(&name)))?;
-        Ok(FileEntry::of(name, &contents))
-    };
-    let mut entry = read_episode_entry(&path.join(episode_path(index, "arrow")))?;
-    let has_mcap = path.join(episode_path(index, "mcap")).is_file();
-    entry.index = index;
-    entry.arrow = file("arrow")?;
-    entry.mcap = if has_mcap { Some(file("mcap")?) } else { None };
-    Ok(entry)
-}
-
-/// The numbers of the Arrow files in place; partial files have another ending.
-fn finished_files(folder: &Path) -> Result<Vec<u32>> {
-    let Ok(listing) = std::fs::read_dir(folder) else { return Ok(Vec::new()) };
-    let mut found = Vec::new();
-    for file in listing {
-        let name = file.map_err(Error::io("list", folder))?.file_name();
-        let number = name.to_str().and_then(|name| name.strip_suffix(".arrow")).filter(|stem| stem.len() == 6);
-        found.extend(number.and_then(|stem| stem.parse::<u32>().ok()));
-    }
-    found.sort_unstable();
-    Ok(found)
 }

@@ -44,6 +44,9 @@ pub struct RunInfo<Options = Map<String, Value>, Model = Map<String, Value>> {
     /// The run whose newest weights this one began with, if it did not begin anew; a place like those of the recordings.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub from: Option<String>,
+    /// What the runs before it had learned from, of a copy that `vibes-train keep` made of a run which went on from others: those seldom travel along.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub began_with: Option<HeadStart>,
     /// Episodes in the recordings when the run was last trained.
     pub episodes: usize,
     /// Steps of all those episodes.
@@ -52,10 +55,39 @@ pub struct RunInfo<Options = Map<String, Value>, Model = Map<String, Value>> {
     pub versions: BTreeMap<String, String>,
 }
 
+/// How much others had lived through for a run when it began.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HeadStart {
+    /// Control steps of it; none where there are none, or they are not known.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub given_control_steps: Option<u64>,
+    /// What that number is known from.
+    pub given_from: GivenFrom,
+}
+
+/// What the control steps that a run began with are known from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum GivenFrom {
+    /// The recordings: views of an episode count once.
+    #[serde(rename = "recordings")]
+    Recordings,
+    /// In part what the files of a run say whose recordings, or the runs before it, are gone: there every view may count.
+    #[serde(rename = "run.json")]
+    RunFile,
+    /// Nothing: with a run before this one it is gone what that one learned from.
+    #[serde(rename = "unknown")]
+    Unknown,
+}
+
 impl<Options, Model> RunInfo<Options, Model> {
     /// The recordings' folder names.
     pub fn recording_names(&self) -> Vec<String> {
         self.recordings.iter().map(|place| place_name(place)).collect()
+    }
+
+    /// The folder name of the run it went on from.
+    pub fn from_name(&self) -> Option<String> {
+        self.from.as_deref().map(place_name)
     }
 }
 
@@ -77,6 +109,7 @@ impl RunInfo {
             options: named,
             recordings: vec!["replay".to_owned()],
             from: None,
+            began_with: None,
             episodes: 0,
             steps: 0,
             versions: BTreeMap::new(),

@@ -11,14 +11,15 @@ use crate::{
 /// Checks every episode of a recording, one at a time, and names the files that are none.
 pub fn verify_recording(recording: &Recording) -> Vec<Finding> {
     let check = |entry| verify_episode(recording, entry);
-    recording.episodes().iter().flat_map(check).chain(recording.strays().iter().cloned()).collect()
+    let strays = recording.strays().iter().cloned().chain(recording.unlisted_logs(false));
+    recording.episodes().iter().flat_map(check).chain(strays).collect()
 }
 
 /// Checks the files of one episode.
 pub fn verify_episode(recording: &Recording, entry: &EpisodeEntry) -> Vec<Finding> {
     let files = [Some(&entry.arrow), entry.mcap.as_ref()];
     let mut findings: Vec<Finding> =
-        files.into_iter().flatten().filter_map(|file| verify_file(recording.path(), file).err()).collect();
+        files.into_iter().flatten().filter_map(|file| check_file(recording.path(), file).err()).collect();
     if findings.is_empty() {
         let compared = compare(recording, entry, &recording.manifest().spec);
         let path = recording.path().join(&entry.arrow.path);
@@ -27,9 +28,18 @@ pub fn verify_episode(recording: &Recording, entry: &EpisodeEntry) -> Vec<Findin
     findings
 }
 
-fn verify_file(folder: &Path, file: &FileEntry) -> std::result::Result<(), Finding> {
+/// That a file of the recording in `folder` is what was written, to the byte. Whoever writes again what it holds has to ask first: what comes out has a checksum of its own.
+///
+/// # Errors
+/// A [`Finding`] for a file that cannot be read, or has another size or checksum than its entry.
+pub fn check_file(folder: &Path, file: &FileEntry) -> std::result::Result<(), Finding> {
     let path = folder.join(&file.path);
-    let fault = match std::fs::read(&path) {
+    let contents = match std::fs::metadata(&path) {
+        // Reading a pipe waits for its writer.
+        Ok(found) if !found.is_file() => Err(std::io::Error::other("it is no file")),
+        _ => std::fs::read(&path),
+    };
+    let fault = match contents {
         Err(error) => format!("cannot be read: {error}"),
         Ok(contents) if contents.len() as u64 != file.bytes => {
             format!("{} bytes, the manifest says {}", contents.len(), file.bytes)

@@ -1,17 +1,21 @@
 //! Writing a recording, episode by episode, so that it can be killed at any moment: every episode is written beside its
 //! place and renamed into it, the Arrow file last, and the same command goes on where it stopped.
 
+mod files;
+mod request;
+
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::arrow_table::arrow_bytes;
-use crate::atomic::{PARTIAL, partial_path};
 use crate::mcap_log::mcap_bytes;
 use crate::recording::{EPISODES, MANIFEST, episode_path};
 use crate::{
     Episode, EpisodeEntry, EpisodeView, Error, FileEntry, FolderLock, Manifest, Recording, Result, write_atomically,
 };
+use files::{check, check_empty, is_older, remove_if_there, remove_partial_files, transfer};
+use request::same_request;
 
 /// How often the manifest follows the episodes while a recording grows; at the end it is always complete.
 const MANIFEST_EVERY: Duration = Duration::from_secs(2);
@@ -43,6 +47,8 @@ pub enum FileTransfer {
 pub struct RecordingWriter {
     path: PathBuf,
     with_mcap: bool,
+    /// It began before there was the column of the distractor that a policy saw.
+    is_older: bool,
     growing: Mutex<Growing>,
     // Nobody else removes partial files or completes the manifest meanwhile.
     _lock: FolderLock,
@@ -59,8 +65,8 @@ impl RecordingWriter {
     /// there any more: they are to be written again.
     ///
     /// # Errors
-    /// [`Error::OtherRecording`] when a recording of other options is there, [`Error::Malformed`] when it is damaged, [`Error::Owned`] when
-    /// another process writes into it.
+    /// [`Error::OtherRecording`] when a recording of other options is there, [`Error::OtherVideos`] when their videos are others by now, [`Error::Malformed`] when it is damaged
+    /// or episodes lie there without a manifest, [`Error::Owned`] when another process writes into it.
     pub fn create_or_resume(path: &Path, manifest: Manifest, with_mcap: bool) -> Result<Self> {
         // Before anything is on disk: a manifest that could not be read again.
         manifest.check(&path.join(MANIFEST))?;
@@ -72,19 +78,29 @@ impl RecordingWriter {
                 let whole = found.episodes().iter().filter(|entry| entry.has_its_files(path));
                 Manifest { episodes: whole.cloned().collect(), ..manifest }
             }
-            Err(Error::NoRecording { .. }) => manifest,
+            Err(Error::NoRecording { .. }) => {
+                check_empty(path)?;
+                manifest
+            }
             Err(error) => return Err(error),
         };
         std::fs::create_dir_all(&folder).map_err(Error::io("create", &folder))?;
         remove_partial_files(&folder)?;
         manifest.write(&path.join(MANIFEST))?;
+        let is_older = is_older(path, &manifest.episodes);
         let growing = Mutex::new(Growing { manifest, flushed: Instant::now() });
-        Ok(Self { path: path.into(), with_mcap, growing, _lock: lock })
+        Ok(Self { path: path.into(), with_mcap, is_older, growing, _lock: lock })
     }
 
     /// Whether the episode of this number is there already.
     pub fn has(&self, index: u32) -> bool {
         self.growing().manifest.episodes.binary_search_by_key(&index, |entry| entry.index).is_ok()
+    }
+
+    fn entry(&self, index: u32) -> Option<EpisodeEntry> {
+        let growing = self.growing();
+        let place = growing.manifest.episodes.binary_search_by_key(&index, |entry| entry.index).ok()?;
+        Some(growing.manifest.episodes[place].clone())
     }
 
     /// How many episodes are there.
@@ -114,34 +130,40 @@ impl RecordingWriter {
         self.put_episode(episode, EpisodeInfo { policy, seed, model_overrides }, before.mcap.is_some())
     }
 
-    /// Takes over an episode of another recording as it is: its files' bytes, its number and its cell.
+    /// Takes over an episode of another recording as it is: its files' bytes, its number, its cell and its checksums, by which damage is still found where a file is linked and not read.
     ///
     /// # Errors
-    /// [`Error::Malformed`] when a file has another size than its manifest says, [`Error::Io`].
-    pub fn take(&self, from: &Recording, entry: &EpisodeEntry, transfer: FileTransfer) -> Result<()> {
+    /// [`Error::Malformed`] when a file has another size than its manifest says, or, copied, another checksum; [`Error::Io`].
+    pub fn take(&self, from: &Recording, entry: &EpisodeEntry, way: FileTransfer) -> Result<()> {
         let mut entry = entry.clone();
         let index = entry.index;
+        let folders = (from.path(), self.path.as_path());
         if let Some(log) = &mut entry.mcap {
-            self.transfer(from.path(), log, episode_path(index, "mcap"), transfer)?;
+            transfer(folders, log, episode_path(index, "mcap"), way)?;
         }
-        self.transfer(from.path(), &mut entry.arrow, episode_path(index, "arrow"), transfer)?;
+        transfer(folders, &mut entry.arrow, episode_path(index, "arrow"), way)?;
         self.enlist(entry)
     }
 
-    fn transfer(&self, folder: &Path, file: &mut FileEntry, name: String, transfer: FileTransfer) -> Result<()> {
-        let (source, place) = (folder.join(&file.path), self.path.join(&name));
-        let found = std::fs::metadata(&source).map_err(Error::io("read", &source))?;
-        if !found.is_file() || found.len() != file.bytes {
-            let expected = format!("{} bytes as the manifest says", file.bytes);
-            return Err(Error::malformed(source, format!("{} bytes", found.len()), expected));
-        }
-        if transfer == FileTransfer::Copy || std::fs::hard_link(&source, &place).is_err() {
-            let partial = partial_path(&place);
-            std::fs::copy(&source, &partial).map_err(Error::io("copy", &source))?;
-            std::fs::rename(&partial, &place).map_err(Error::io("write", &place))?;
-        }
-        file.path = name;
-        Ok(())
+    /// Whether logs are asked for and the episode of this number, which is there, has none.
+    pub fn lacks_log(&self, index: u32) -> bool {
+        self.with_mcap && self.entry(index).is_some_and(|entry| entry.mcap.is_none())
+    }
+
+    /// Writes the log of an episode that is there without one, from its table: the log that it would have been written with.
+    ///
+    /// # Errors
+    /// [`Error::NoEpisode`], [`Error::Malformed`] when the table is damaged, [`Error::Io`].
+    pub fn add_log(&self, index: u32) -> Result<()> {
+        let no_episode = || Error::NoEpisode { index, count: self.len(), path: self.path.clone() };
+        let entry = self.entry(index).ok_or_else(no_episode)?;
+        check(&self.path, &entry.arrow, "remove the file and repeat the command, which makes it again")?;
+        let spec = self.growing().manifest.spec.clone();
+        let episode = EpisodeView::open(&self.path.join(&entry.arrow.path), &spec)?.to_episode();
+        episode.check(&spec)?;
+        let itself = EpisodeEntry { arrow: FileEntry::default(), mcap: None, ..entry.clone() };
+        let log = self.put(index, "mcap", &mcap_bytes(&episode, &spec, &itself)?)?;
+        self.enlist(EpisodeEntry { mcap: Some(log), ..entry })
     }
 
     fn put_episode(&self, episode: &Episode, info: EpisodeInfo, with_mcap: bool) -> Result<()> {
@@ -158,9 +180,12 @@ impl RecordingWriter {
             arrow: FileEntry::default(),
             mcap: None,
         };
-        let arrow = arrow_bytes(episode, &spec, &entry)?;
+        let arrow = arrow_bytes(episode, &spec, &entry, self.is_older)?;
         if with_mcap {
             entry.mcap = Some(self.put(episode.index, "mcap", &mcap_bytes(episode, &spec, &entry)?)?);
+        } else {
+            // One that lies there is another episode's, and beside a finished table it would be taken for this one's.
+            remove_if_there(&self.path.join(episode_path(episode.index, "mcap")))?;
         }
         entry.arrow = self.put(episode.index, "arrow", &arrow)?;
         self.enlist(entry)
@@ -185,13 +210,7 @@ impl RecordingWriter {
         let removed = growing.manifest.episodes.split_off(kept);
         growing.manifest.write(&self.path.join(MANIFEST))?;
         for file in removed.iter().flat_map(|entry| [Some(&entry.arrow), entry.mcap.as_ref()]).flatten() {
-            let path = self.path.join(&file.path);
-            match std::fs::remove_file(&path) {
-                Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                    return Err(Error::io("remove", &path)(error));
-                }
-                _ => {}
-            }
+            remove_if_there(&self.path.join(&file.path))?;
         }
         Ok(())
     }
@@ -237,48 +256,4 @@ impl RecordingWriter {
     fn growing(&self) -> MutexGuard<'_, Growing> {
         self.growing.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
-
-/// Compares everything but the episodes.
-fn same_request(path: &Path, found: &Manifest, asked: &Manifest) -> Result<()> {
-    let as_map = |manifest: &Manifest| -> serde_json::Map<String, serde_json::Value> {
-        let header = Manifest { episodes: Vec::new(), ..manifest.clone() };
-        match serde_json::to_value(header) {
-            Ok(serde_json::Value::Object(map)) => map,
-            _ => serde_json::Map::new(),
-        }
-    };
-    let (found, asked) = (as_map(found), as_map(asked));
-    match first_difference("", &found, &asked) {
-        None => Ok(()),
-        Some((key, found, asked)) => Err(Error::OtherRecording { key, found, asked, path: path.into() }),
-    }
-}
-
-fn first_difference(
-    prefix: &str,
-    found: &serde_json::Map<String, serde_json::Value>,
-    asked: &serde_json::Map<String, serde_json::Value>,
-) -> Option<(String, String, String)> {
-    use serde_json::Value;
-    let keys = asked.keys().chain(found.keys().filter(|key| !asked.contains_key(*key)));
-    keys.into_iter().find_map(|key| {
-        let (left, right) = (found.get(key).unwrap_or(&Value::Null), asked.get(key).unwrap_or(&Value::Null));
-        match (left, right) {
-            (left, right) if left == right => None,
-            (Value::Object(left), Value::Object(right)) => first_difference(&format!("{prefix}{key}."), left, right),
-            (left, right) => Some((format!("{prefix}{key}"), left.to_string(), right.to_string())),
-        }
-    })
-}
-
-/// What a killed process left behind was never part of the recording.
-fn remove_partial_files(folder: &Path) -> Result<()> {
-    for file in std::fs::read_dir(folder).map_err(Error::io("list", folder))? {
-        let path = file.map_err(Error::io("list", folder))?.path();
-        if path.extension().is_some_and(|ending| ending == PARTIAL) {
-            std::fs::remove_file(&path).map_err(Error::io("remove", &path))?;
-        }
-    }
-    Ok(())
 }

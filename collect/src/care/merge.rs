@@ -3,22 +3,21 @@
 //! Parts of one recording (of a split, of a filter, of two machines that ran the same command) are put together again: numbers, cells and files stay
 //! as they are, and the whole is what it was before it was divided. Recordings of different commands become plain episodes, numbered
 //! anew in the order given; they lose their cells, since row 3 of one grid is not row 3 of another. Files that hold another number, cell or video
-//! afterwards are written again, the others linked.
+//! afterwards are written again, the others linked. An episode that is in several of the recordings is there once.
 
 mod kinship;
+mod repeats;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use vibes_data::{
-    BackgroundFrame, Cell, EpisodeEntry, Error as DataError, FileTransfer, Grid, MOST_EPISODES, Manifest, Recording,
-    RecordingWriter, Video,
-};
+use vibes_data::{FileTransfer, Grid, MOST_EPISODES, Manifest, Recording, RecordingWriter, Video, episode_schema};
 
 use self::kinship::{check_specs, same_recording, whole_of};
+use self::repeats::{moved, repeats};
 use super::{NEVER, NewFolder, go_on};
 use crate::error::{Error, Result};
 use crate::keys::{MERGED, SUBSET, WHOLE};
@@ -54,7 +53,7 @@ pub struct MergeReport {
     pub taken: usize,
     /// Episodes whose files were written again.
     pub rewritten: usize,
-    /// Episodes that were in more than one part and are there once.
+    /// Episodes that an earlier part had too and that are there once.
     pub repeated: usize,
 }
 
@@ -98,7 +97,7 @@ fn join(
     transfer: FileTransfer,
     stop: &AtomicBool,
 ) -> Result<MergeReport> {
-    let numbers: std::collections::BTreeSet<u32> =
+    let numbers: BTreeSet<u32> =
         parts.iter().flat_map(|part| part.episodes().iter().map(|entry| entry.index)).collect();
     let whole = parts.iter().filter_map(whole_of).max();
     if let (false, Some(options)) = (whole == Some(numbers.len() as u64), header.options.as_object_mut()) {
@@ -129,19 +128,21 @@ fn renumber(
     transfer: FileTransfer,
     stop: &AtomicBool,
 ) -> Result<MergeReport> {
-    let (header, videos) = merged_header(parts, place)?;
+    let (listed, videos) = merged_videos(parts);
+    let repeats = repeats(parts, &videos, stop)?;
+    let header = merged_header(parts, place, (listed, &videos), &repeats)?;
     let writer = RecordingWriter::create_or_resume(folder, header, false)?;
-    let mut report = MergeReport::default();
+    let mut report = MergeReport { repeated: repeats.iter().map(BTreeSet::len).sum(), ..MergeReport::default() };
     let mut next = 0;
-    for (part, videos) in parts.iter().zip(&videos) {
+    for ((part, videos), repeats) in parts.iter().zip(&videos).zip(&repeats) {
         let same_videos = videos.iter().enumerate().all(|(before, &after)| before as u32 == after);
-        for entry in part.episodes() {
+        for entry in part.episodes().iter().filter(|entry| !repeats.contains(&entry.index)) {
             go_on(stop)?;
-            if same_videos && entry.cell.is_none() && entry.index == next {
+            if same_videos && entry.cell.is_none() && entry.index == next && has_all_columns(part, next) {
                 writer.take(part, entry, transfer)?;
                 report.taken += 1;
             } else {
-                rewrite(&writer, part, entry, next, videos)?;
+                writer.rewrite(&moved(part, entry, next, videos)?, entry)?;
                 report.rewritten += 1;
             }
             next += 1;
@@ -151,60 +152,63 @@ fn renumber(
     Ok(report)
 }
 
-/// Writes an episode again under another number, without its cell, its videos found in the merged list.
-fn rewrite(writer: &RecordingWriter, part: &Recording, entry: &EpisodeEntry, index: u32, videos: &[u32]) -> Result<()> {
-    let mut episode = part.episode(entry.index)?.to_episode();
-    episode.index = index;
-    episode.cell = None::<Cell>;
-    for shown in episode.backgrounds.iter_mut().flatten() {
-        let unknown = || {
-            let path = part.path().join(&entry.arrow.path);
-            let expected = format!("one of the manifest's {} videos", videos.len());
-            DataError::Malformed { fact: format!("video {}", shown.video), expected, path }
-        };
-        let video = *videos.get(shown.video as usize).ok_or_else(unknown)?;
-        *shown = BackgroundFrame { video, ..*shown };
-    }
-    Ok(writer.rewrite(&episode, entry)?)
+/// Whether the table of an episode has every column that one has which is written now. Those of older recordings have not, and all tables of one are to have the same.
+fn has_all_columns(part: &Recording, index: u32) -> bool {
+    let all = episode_schema(&part.manifest().spec).fields().len();
+    part.episode(index).is_ok_and(|view| view.table().num_columns() == all)
 }
 
-/// The merged manifest without episodes, and for every part where its videos are in the merged list.
-fn merged_header(parts: &[Recording], out: &Path) -> Result<(Manifest, Vec<Vec<u32>>)> {
+/// The videos of all parts, each once, and for every part where its own are in that list.
+fn merged_videos(parts: &[Recording]) -> (Vec<Video>, Vec<Vec<u32>>) {
     let mut videos: Vec<Video> = Vec::new();
+    let mut place = |video: &Video| {
+        let known = videos.iter().position(|known| known == video);
+        known.unwrap_or_else(|| {
+            videos.push(video.clone());
+            videos.len() - 1
+        }) as u32
+    };
+    let maps = parts.iter().map(|part| part.manifest().videos.iter().map(&mut place).collect()).collect();
+    (videos, maps)
+}
+
+/// The merged manifest without episodes.
+fn merged_header(
+    parts: &[Recording],
+    out: &Path,
+    (videos, maps): (Vec<Video>, &[Vec<u32>]),
+    repeats: &[BTreeSet<u32>],
+) -> Result<Manifest> {
     let mut notes: Vec<MergedPart> = Vec::new();
-    let mut maps = Vec::new();
     let mut first = 0_u32;
-    for part in parts {
-        let manifest = part.manifest();
-        let map: Vec<u32> = manifest.videos.iter().map(|video| place_of(&mut videos, video)).collect();
-        let count = u32::try_from(part.episodes().len()).unwrap_or(u32::MAX);
-        notes.extend(notes_of(part, out, &map, first));
+    for ((part, map), repeats) in parts.iter().zip(maps).zip(repeats) {
+        let count = u32::try_from(part.episodes().len() - repeats.len()).unwrap_or(u32::MAX);
+        notes.extend(notes_of(part, out, map, (first, repeats)));
         first = first.checked_add(count).filter(|&all| all <= MOST_EPISODES).ok_or_else(|| Error::Selection {
             fact: "more than a million episodes".into(),
             expected: "numbers of six digits".into(),
         })?;
-        maps.push(map);
     }
     let header = parts[0].manifest();
     let same_versions = parts.iter().all(|part| part.manifest().versions == header.versions);
     let ours = || BTreeMap::from([("vibes".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]);
-    let manifest = Manifest {
+    Ok(Manifest {
         options: serde_json::json!({ MERGED: notes }),
         versions: if same_versions { header.versions.clone() } else { ours() },
         grid: None,
         videos,
         episodes: Vec::new(),
         ..header.clone()
-    };
-    Ok((manifest, maps))
+    })
 }
 
-/// A part's own note, or those of its parts if it was merged already.
-fn notes_of(part: &Recording, out: &Path, map: &[u32], first: u32) -> Vec<MergedPart> {
+/// A part's own note, or those of its parts if it was merged already; its episodes that are repeats are left out.
+fn notes_of(part: &Recording, out: &Path, map: &[u32], (first, repeats): (u32, &BTreeSet<u32>)) -> Vec<MergedPart> {
     let manifest = part.manifest();
     let Manifest { mut options, seed, versions, grid, .. } = manifest.clone();
     rebase(&mut options, Some(part.path()), Some(out));
-    let count = part.episodes().len() as u32;
+    let kept = || part.episodes().iter().map(|entry| entry.index).filter(|index| !repeats.contains(index));
+    let count = kept().count() as u32;
     let own =
         MergedPart { name: name_of(part), options, seed, versions, grid, videos: map.to_vec(), first, episodes: count };
     let Some(inner) = merged_parts(manifest) else { return vec![own] };
@@ -212,7 +216,7 @@ fn notes_of(part: &Recording, out: &Path, map: &[u32], first: u32) -> Vec<Merged
     let mut next = first;
     let mut notes = Vec::new();
     for note in inner {
-        let there = part.episodes().iter().filter(|entry| note.holds(entry.index)).count() as u32;
+        let there = kept().filter(|&index| note.holds(index)).count() as u32;
         let videos = note.videos.iter().map(|&video| map.get(video as usize).copied().unwrap_or(u32::MAX)).collect();
         let mut options = note.options;
         rebase(&mut options, Some(part.path()), Some(out));
@@ -227,14 +231,6 @@ impl MergedPart {
     pub fn holds(&self, index: u32) -> bool {
         index.checked_sub(self.first).is_some_and(|place| place < self.episodes)
     }
-}
-
-fn place_of(videos: &mut Vec<Video>, video: &Video) -> u32 {
-    let place = videos.iter().position(|known| known == video).unwrap_or_else(|| {
-        videos.push(video.clone());
-        videos.len() - 1
-    });
-    place as u32
 }
 
 fn name_of(part: &Recording) -> String {

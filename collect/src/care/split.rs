@@ -1,23 +1,24 @@
-//! Dividing a recording by share, so that what is held out is clean: whole episodes, whole rows of the grid (state trajectories), whole columns
-//! (distractor trajectories), or both at once. In: the list of episodes, shares, a seed. Out: the episode numbers of each part.
+//! Dividing a recording by share, so that what is held out is clean: whole episodes, whole state trajectories (rows of a grid; without cells whatever has one seed and the same
+//! actions), whole columns (distractor trajectories), or both at once. In: the list of episodes, shares, a seed. Out: the episode numbers of each part.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
-use vibes_data::{EpisodeEntry, Recording};
+use vibes_data::Recording;
 
 use crate::error::{Error, Result};
+use crate::trajectories::{trajectories, with_views};
 
 /// What is dealt out whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SplitBy {
-    /// Episodes; on a grid, parts then share state and distractor trajectories.
+    /// Episodes; parts then share the state trajectories that have several, as on a grid, and its distractor trajectories.
     Episode,
-    /// Rows of the grid: no part sees another's state trajectories.
+    /// State trajectories, which are the rows of a grid: no part sees another's.
     State,
     /// Columns of the grid: no part sees another's distractor trajectories.
     Distractor,
@@ -26,55 +27,74 @@ pub enum SplitBy {
 }
 
 impl SplitBy {
-    fn noun(self) -> &'static str {
-        match self {
-            Self::Episode => "episodes",
-            Self::State => "rows of states",
-            Self::Distractor | Self::Both => "columns of distractors",
-        }
+    /// What keeps the parts of a recording clean: its state trajectories, which are its episodes where no two are of one.
+    ///
+    /// # Errors
+    /// When an episode that has to be looked into is damaged.
+    pub fn usual(recording: &Recording) -> Result<Self> {
+        let has_views = recording.manifest().grid.is_some() || with_views(recording)? > 0;
+        Ok(if has_views { Self::State } else { Self::Episode })
     }
 }
 
 /// The episode numbers of each part, rising.
 ///
 /// # Errors
-/// [`Error::Selection`] for shares that cannot be, more parts than there is to deal out, or a grid that is not there.
+/// [`Error::Selection`] for shares that cannot be, more parts than there is to deal out, or columns of a grid that is not there; damage of an episode that has to be looked into.
 pub fn split(recording: &Recording, by: SplitBy, shares: &[f64], seed: u64) -> Result<Vec<Vec<u32>>> {
     check_shares(shares)?;
     let entries = recording.episodes();
-    if by != SplitBy::Episode && entries.iter().any(|entry| entry.cell.is_none()) {
-        let fact = "the recording is no grid".to_owned();
-        return Err(Error::Selection { fact, expected: "--by episode, or a recording made with --grid".into() });
-    }
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut deal = |by: SplitBy, key: fn(&EpisodeEntry) -> u32| -> Result<Vec<BTreeSet<u32>>> {
-        let keys: BTreeSet<u32> = entries.iter().map(key).collect();
-        let mut keys: Vec<u32> = keys.into_iter().collect();
-        keys.shuffle(&mut rng);
-        deal_out(&keys, shares, by)
+    let mut inside: Vec<Vec<bool>> = vec![vec![true; entries.len()]; shares.len()];
+    let rows = (by == SplitBy::Both).then_some(SplitBy::State);
+    for by in rows.into_iter().chain([by]) {
+        let (keys, noun) = keys(recording, by)?;
+        let mut dealt: Vec<u32> = keys.iter().copied().collect::<BTreeSet<u32>>().into_iter().collect();
+        dealt.shuffle(&mut rng);
+        for (part, kept) in inside.iter_mut().zip(deal_out(&dealt, shares, noun)?) {
+            part.iter_mut().zip(&keys).for_each(|(is_in, key)| *is_in &= kept.contains(key));
+        }
+    }
+    let numbers = |part: &Vec<bool>| -> Vec<u32> {
+        entries.iter().zip(part).filter(|(_, is_in)| **is_in).map(|(entry, _)| entry.index).collect()
     };
-    let state: fn(&EpisodeEntry) -> u32 = |entry| entry.cell.map_or(0, |cell| cell.state);
-    let distractor: fn(&EpisodeEntry) -> u32 = |entry| entry.cell.map_or(0, |cell| cell.distractor);
-    let (rows, columns) = match by {
-        SplitBy::Episode => (Some(deal(by, |entry| entry.index)?), None),
-        SplitBy::State => (Some(deal(by, state)?), None),
-        SplitBy::Distractor => (None, Some(deal(by, distractor)?)),
-        SplitBy::Both => (Some(deal(SplitBy::State, state)?), Some(deal(by, distractor)?)),
-    };
-    let row_of = |entry: &EpisodeEntry| if by == SplitBy::Episode { entry.index } else { state(entry) };
-    let part = |place: usize| -> Vec<u32> {
-        let inside = |entry: &&EpisodeEntry| {
-            rows.as_ref().is_none_or(|rows| rows[place].contains(&row_of(entry)))
-                && columns.as_ref().is_none_or(|columns| columns[place].contains(&distractor(entry)))
-        };
-        entries.iter().filter(inside).map(|entry| entry.index).collect()
-    };
-    let parts: Vec<Vec<u32>> = (0..shares.len()).map(part).collect();
+    let parts: Vec<Vec<u32>> = inside.iter().map(numbers).collect();
     if parts.iter().any(Vec::is_empty) {
         let fact = "a part has no episode, since its cells were never recorded".to_owned();
         return Err(Error::Selection { fact, expected: "another seed or other shares".into() });
     }
     Ok(parts)
+}
+
+/// For every episode what it is dealt out by, and what that is called.
+fn keys(recording: &Recording, by: SplitBy) -> Result<(Vec<u32>, &'static str)> {
+    let entries = recording.episodes();
+    let is_grid = entries.iter().all(|entry| entry.cell.is_some());
+    Ok(match by {
+        SplitBy::Episode => (entries.iter().map(|entry| entry.index).collect(), "episodes"),
+        SplitBy::State => (trajectories(recording)?, if is_grid { "rows of states" } else { "state trajectories" }),
+        SplitBy::Distractor | SplitBy::Both if is_grid => {
+            let column = entries.iter().map(|entry| entry.cell.map_or(0, |cell| cell.distractor));
+            (column.collect(), "columns of distractors")
+        }
+        SplitBy::Distractor | SplitBy::Both => {
+            let expected = "--by state or --by episode, or a recording made with --grid".to_owned();
+            return Err(Error::Selection { fact: "the recording is no grid".to_owned(), expected });
+        }
+    })
+}
+
+/// How many state trajectories are in more than one part.
+///
+/// # Errors
+/// When an episode that has to be looked into is damaged.
+pub fn shared_trajectories(recording: &Recording, parts: &[Vec<u32>]) -> Result<usize> {
+    let mut holders: BTreeMap<u32, BTreeSet<usize>> = BTreeMap::new();
+    for (entry, trajectory) in recording.episodes().iter().zip(trajectories(recording)?) {
+        let part = parts.iter().position(|part| part.binary_search(&entry.index).is_ok());
+        holders.entry(trajectory).or_default().extend(part);
+    }
+    Ok(holders.values().filter(|parts| parts.len() > 1).count())
 }
 
 fn check_shares(shares: &[f64]) -> Result<()> {
@@ -86,7 +106,7 @@ fn check_shares(shares: &[f64]) -> Result<()> {
 }
 
 /// Cuts a shuffled list where the running sum of the shares, rounded, says; what is past the last share is left out.
-fn deal_out(keys: &[u32], shares: &[f64], by: SplitBy) -> Result<Vec<BTreeSet<u32>>> {
+fn deal_out(keys: &[u32], shares: &[f64], noun: &str) -> Result<Vec<BTreeSet<u32>>> {
     let mut parts = Vec::new();
     let (mut from, mut total) = (0, 0.0);
     for share in shares {
@@ -96,7 +116,7 @@ fn deal_out(keys: &[u32], shares: &[f64], by: SplitBy) -> Result<Vec<BTreeSet<u3
         from = to;
     }
     if parts.iter().any(BTreeSet::is_empty) {
-        let fact = format!("{} {} in shares {shares:?} leave a part empty", keys.len(), by.noun());
+        let fact = format!("{} {noun} in shares {shares:?} leave a part empty", keys.len());
         return Err(Error::Selection { fact, expected: "fewer parts, or larger shares".into() });
     }
     Ok(parts)

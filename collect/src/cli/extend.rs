@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
-use vibes_data::Grid;
+use vibes_data::{Grid, Recording};
 
 use super::record::{parse_grid, record_with_progress};
 use super::{Outcome, OutputArgs};
@@ -32,7 +32,8 @@ pub(super) fn run(args: &ExtendArgs, output: OutputArgs) -> Result<Outcome> {
     let run =
         ExtendRun { threads: args.threads.map_or_else(cores, usize::from), stop: vibes_command::stop_on_signals()? };
     let home = Home::default();
-    record_with_progress(&args.recording, (u64::from(size.episodes()), &home), output, |report| {
-        extend(&args.recording, size, run, report)
+    let folder = Recording::folder_of(&args.recording);
+    record_with_progress(folder, (u64::from(size.episodes()), &home), output, |report| {
+        extend(folder, size, run, report)
     })
 }

@@ -13,7 +13,8 @@ use crate::care::merge::merge_until;
 ///
 /// Parts of one recording (of a split or a filter, or of the same command on two machines) come together as they were, grid and numbers
 /// included. Recordings of different commands become plain episodes, numbered from 0 in the order given: they lose their cells, since
-/// row 3 of one grid is not row 3 of another, and files that hold the old number, cell or video are written again.
+/// row 3 of one grid is not row 3 of another, and files that hold the old number, cell or video are written again. An episode that is in
+/// several of them, whatever its number there, is in the new one once.
 #[derive(Debug, Args)]
 pub(super) struct MergeArgs {
     /// The recordings, two or more.
@@ -48,13 +49,16 @@ pub(super) fn run(args: &MergeArgs, output: OutputArgs) -> Result<Outcome> {
         } else {
             "numbered anew, without cells"
         };
+        let repeated = match report.repeated {
+            0 => String::new(),
+            count => format!("; {count} left out that are in an earlier one too"),
+        };
         println!(
-            "{}: {} episodes, {numbers}; {} taken as they are, {} written again, {} there twice",
+            "{}: {} episodes, {numbers}; {} taken as they are, {} written again{repeated}",
             args.output.display(),
             merged.episodes().len(),
             report.taken,
-            report.rewritten,
-            report.repeated
+            report.rewritten
         );
     }
     Ok(Outcome::Done)

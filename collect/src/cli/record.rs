@@ -13,6 +13,7 @@ use vibes_data::{Grid, MOST_ACTION_REPEAT, MOST_EPISODES, MOST_STEPS, Recording}
 
 use super::axis_seeds::AxisSeedArgs;
 use super::{Outcome, OutputArgs, idle, show};
+use crate::cut::cut_actions;
 use crate::plan::RecordOptions;
 use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, cores, record};
 use crate::returns::Returns;
@@ -223,6 +224,9 @@ pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
     if options.pictures().is_none() && options.acting.iter().all(|acting| acting.pictures.is_none()) {
         idle::check_unseen(&args.given)?;
     }
+    if !output.quiet {
+        say_cut(&options)?;
+    }
     let folder = args.folder(&options);
     let stop = stop_on_signals()?;
     let threads = args.threads.map_or_else(cores, usize::from);
@@ -238,6 +242,18 @@ pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
         stop,
     };
     record_with_progress(&folder, (u64::from(options.episodes), &home), output, |report| record(&folder, &run, report))
+}
+
+/// Says what the task's bounds cut of files of actions.
+#[allow(clippy::print_stderr, reason = "what the command line warns of")]
+fn say_cut(options: &RecordOptions) -> Result<()> {
+    let mix: PolicyMix = options.policy.parse()?;
+    if mix.shares().iter().any(|(policy, _)| matches!(policy, PolicySpec::Actions { .. })) {
+        let environment = options.environment()?;
+        let cut = mix.shares().iter().filter_map(|(policy, _)| cut_actions(policy, options.steps, &environment));
+        cut.for_each(|cut| eprintln!("{cut}"));
+    }
+    Ok(())
 }
 
 /// Records with a progress bar, and says what came of it: how many of the `wanted` episodes there are, and what the run began with that acts, if one does.
@@ -273,6 +289,10 @@ pub(super) fn record_with_progress(
             println!("all {episodes} episodes are there already and used again");
         }
         println!("{}", said.in_words(&recording));
+        let without = recording.episodes().iter().filter(|entry| entry.mcap.is_none()).count();
+        if (1..episodes).contains(&without) {
+            println!("{without} of {episodes} episodes have no log; the same command without --no-mcap writes them");
+        }
     }
     if (episodes as u64) < wanted {
         eprintln!("stopped after {episodes} of {wanted} episodes; the same command goes on: {}", folder.display());

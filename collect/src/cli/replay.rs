@@ -4,9 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use clap::Args;
+use serde_json::Value;
 use vibes_command::Given;
 use vibes_data::Recording;
 
+use super::number::number;
 use super::replay_distractors::{self, Pictures};
 use super::{Outcome, OutputArgs, idle};
 use crate::distractor_trace::FORMAT as DISTRACTOR_FORMAT;
@@ -63,7 +65,7 @@ fn is_distractor_trace(path: &PathBuf) -> Result<bool> {
 }
 
 pub(super) fn run(args: &ReplayArgs, output: OutputArgs) -> Result<Outcome> {
-    if args.trace.is_dir() {
+    if Recording::folder_of(&args.trace).is_dir() {
         args.refuse(&["videos"], "a recording is replayed without its videos")?;
         return replay_recording(args, output);
     }
@@ -79,12 +81,12 @@ pub(super) fn run(args: &ReplayArgs, output: OutputArgs) -> Result<Outcome> {
     args.refuse(&["episode", "videos"], "a trace has one episode and no videos")?;
     args.refuse_pictures()?;
     let trace = Trace::read(&args.trace)?;
-    let got = trace.replay()?;
+    let got = trace.replay().map_err(|error| error.in_file(&args.trace))?;
     let mut environment = Environment::new(&trace.task, EnvironmentOptions::default())?;
     args.write(&mut environment, &got, &got.qpos_trace)?;
     let errors = trace.compare(&got);
     let named = [("observations", errors.observations), ("rewards", errors.rewards), ("qpos", errors.qpos)];
-    args.say(&named, errors.largest(), &serde_json::to_value(errors)?, output)
+    args.say(&named, errors.largest(), output)
 }
 
 /// Simulates one episode of a recording again.
@@ -96,12 +98,7 @@ fn replay_recording(args: &ReplayArgs, output: OutputArgs) -> Result<Outcome> {
     args.write(&mut environment, &again.trace, &again.positions)?;
     let EpisodeErrors { qpos, qvel, observations, rewards } = again.errors;
     let named = [("observations", observations), ("rewards", rewards), ("qpos", qpos), ("qvel", qvel)];
-    args.say(
-        &named.map(|(name, error)| (name, Some(error))),
-        again.errors.largest(),
-        &serde_json::to_value(again.errors)?,
-        output,
-    )
+    args.say(&named.map(|(name, error)| (name, Some(error))), again.errors.largest(), output)
 }
 
 impl ReplayArgs {
@@ -133,15 +130,10 @@ impl ReplayArgs {
     }
 
     #[allow(clippy::print_stdout, reason = "the command line's result")]
-    fn say(
-        &self,
-        named: &[(&str, Option<f64>)],
-        largest: f64,
-        json: &serde_json::Value,
-        output: OutputArgs,
-    ) -> Result<Outcome> {
+    fn say(&self, named: &[(&str, Option<f64>)], largest: f64, output: OutputArgs) -> Result<Outcome> {
         if output.json {
-            println!("{json}");
+            let errors = named.iter().map(|(name, error)| ((*name).to_owned(), number(*error)));
+            println!("{}", Value::Object(errors.collect()));
         } else if !output.quiet {
             let shown =
                 |error: &Option<f64>| error.map_or("not in the trace".to_owned(), |error| format!("{error:.3e}"));

@@ -5,6 +5,7 @@ use std::path::Path;
 use anyhow::Result;
 use serde_json::json;
 
+use super::number::number;
 use super::{Outcome, OutputArgs};
 use crate::Error;
 use crate::distractor_trace::{DistractorTrace, PictureComparison};
@@ -26,7 +27,8 @@ pub(super) struct Pictures<'a> {
 #[allow(clippy::print_stdout, reason = "the command line's result")]
 pub(super) fn run(path: &Path, tolerance: f64, pictures: Option<Pictures<'_>>, output: OutputArgs) -> Result<Outcome> {
     let trace = DistractorTrace::read(path)?;
-    let mut environment = Environment::new(&trace.task, EnvironmentOptions::default())?;
+    let environment = Environment::new(&trace.task, EnvironmentOptions::default());
+    let mut environment = environment.map_err(|error| Error::from(error).in_file(path))?;
     let overrides = serde_json::from_value(trace.model_overrides.clone()).map_err(|error| {
         Error::malformed(path, format!("model overrides: {error}"), "overrides name fields, objects and numbers")
     })?;
@@ -37,7 +39,7 @@ pub(super) fn run(path: &Path, tolerance: f64, pictures: Option<Pictures<'_>>, o
     let drawn = drawn.unwrap_or_default();
     if output.json {
         let errors: serde_json::Map<_, _> =
-            comparison.errors().map(|(name, error)| (name.to_owned(), json!(error))).into_iter().collect();
+            comparison.errors().map(|(name, error)| (name.to_owned(), number(error))).into_iter().collect();
         println!(
             "{}",
             json!({ "steps": comparison.steps, "errors": errors, "pictures": drawn.iter().map(as_json).collect::<Vec<_>>() })
@@ -57,7 +59,7 @@ pub(super) fn run(path: &Path, tolerance: f64, pictures: Option<Pictures<'_>>, o
 
 fn as_json(picture: &PictureComparison) -> serde_json::Value {
     let PictureComparison { step, size, mean_absolute_error, psnr, .. } = picture;
-    json!({ "step": step, "size": size, "mean_absolute_error": mean_absolute_error, "psnr": psnr })
+    json!({ "step": step, "size": size, "mean_absolute_error": number(*mean_absolute_error), "psnr": number(*psnr) })
 }
 
 fn line(picture: &PictureComparison) -> String {

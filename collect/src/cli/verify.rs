@@ -6,6 +6,7 @@ use anyhow::Result;
 use clap::Args;
 use vibes_data::Recording;
 
+use super::number::number;
 use super::{Outcome, OutputArgs};
 use crate::stored::asked;
 use crate::verify::verify;
@@ -30,9 +31,9 @@ pub(super) fn run(args: &VerifyArgs, output: OutputArgs) -> Result<Outcome> {
         println!(
             "{}",
             serde_json::json!({ "episodes": recording.episodes().len(), "episodes_asked": asked(&recording), "findings": findings,
-                "simulated": verdict.simulated, "largest_qpos_error": verdict.qpos_error(), "foreign": verdict.foreign,
-                "pictures": verdict.pictures, "largest_picture_error": verdict.picture_error(),
-                "undrawn": verdict.undrawn, "absent_videos": verdict.absent_videos })
+                "simulated": verdict.simulated, "largest_qpos_error": number(verdict.qpos_error()), "foreign": verdict.foreign,
+                "pictures": verdict.pictures, "largest_picture_error": number(verdict.picture_error()),
+                "undrawn": verdict.undrawn, "absent_videos": verdict.absent_videos, "mend": verdict.mend(&recording) })
         );
     } else {
         for finding in &verdict.findings {
@@ -40,6 +41,9 @@ pub(super) fn run(args: &VerifyArgs, output: OutputArgs) -> Result<Outcome> {
         }
         if !output.quiet {
             println!("{}", verdict.summary(&recording));
+            if let Some(mend) = verdict.mend(&recording) {
+                println!("{mend}");
+            }
         }
     }
     Ok(if verdict.findings.is_empty() { Outcome::Done } else { Outcome::DataLost })

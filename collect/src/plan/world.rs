@@ -40,7 +40,8 @@ impl RecordOptions {
             return Ok(Arc::new(VideoLibrary::none()));
         }
         let count = self.videos_used(self.video_count);
-        self.open_videos(&self.videos.list(self.video_set, count)?, pictures, go_on)
+        let names = self.videos.list(self.video_set, count).map_err(too_few)?;
+        self.open_videos(&names, pictures, go_on)
     }
 
     /// The same, of the recording at `place`: its manifest names its videos, whatever else the folder holds by now.
@@ -93,13 +94,17 @@ impl RecordOptions {
         Ok(Arc::new(VideoLibrary::open_while(&self.videos, self.video_set, names, side, go_on)?))
     }
 
+    /// Size and look of the pictures that somebody sees: those of the recording, else those of whoever acts.
+    pub(crate) fn seen(&self) -> Option<RenderSettings> {
+        self.pictures().or(self.acting.iter().find_map(|acting| acting.pictures))
+    }
+
     /// The background videos of the recording: none where nobody sees any, neither the recording nor whoever acts.
     ///
     /// # Errors
     /// As [`Self::videos_for`].
     pub fn video_library(&self, go_on: GoOn<'_>) -> Result<Arc<VideoLibrary>> {
-        let seen = self.pictures().or(self.acting.iter().find_map(|acting| acting.pictures));
-        seen.map_or_else(|| Ok(Arc::new(VideoLibrary::none())), |pictures| self.videos_for(pictures, go_on))
+        self.seen().map_or_else(|| Ok(Arc::new(VideoLibrary::none())), |pictures| self.videos_for(pictures, go_on))
     }
 
     /// The manifest of a recording in `folder`, still without episodes.
@@ -108,5 +113,16 @@ impl RecordOptions {
         rebase(&mut options, None, Some(folder));
         let (spec, grid, videos) = (environment.spec(self.size), self.grid, videos.to_vec());
         Heading { spec, options, seed, grid, videos }.manifest()
+    }
+}
+
+/// A folder that has some videos, and too few for the difficulty, is recorded under when fewer are asked for.
+fn too_few(error: vibes_env::Error) -> Error {
+    match error {
+        vibes_env::Error::TooFewVideos { found, what, wanted, path } if found > 0 => {
+            let fact = format!("{found} {what}; {wanted} are needed");
+            Error::malformed(path, fact, format!("--video-count {found} takes those that are there"))
+        }
+        other => other.into(),
     }
 }

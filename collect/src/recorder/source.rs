@@ -1,7 +1,7 @@
 //! Where an episode's parts come from: made anew, or taken from a recording.
 //!
 //! In: a [`Source`], and the recording that is being gone on with. Out: per planned episode its stored states, its stored distractors, or the whole of
-//! it, where there are any. Whatever is damaged is made anew if it can be.
+//! it, where there are any. Whatever is damaged is made anew if it can be, and is an error if it cannot.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,6 +10,7 @@ use vibes_data::{Episode, EpisodeEntry, EpisodeInfo, Recording, Video};
 
 use crate::keys::SUBSET;
 use crate::plan::{PlannedEpisode, RecordOptions};
+use crate::sound::check_intact;
 use crate::stored::{Acted, distractors_of, info_of, is_intact, states_of};
 use crate::{Error, Result};
 use vibes_env::distractors::DistractorTrajectory;
@@ -20,6 +21,8 @@ pub enum Source<'a> {
     /// Nothing: states are simulated, distractors drawn by lot.
     #[default]
     Simulation,
+    /// Only the videos, by name: the recording grows where it lies, whatever else their folder holds by now.
+    Itself(&'a Recording),
     /// Finished episodes of a smaller grid of the same options and seed, under their new numbers, and the states of its rows.
     Grid(&'a Recording),
     /// States and distractors: only size and look are new.
@@ -29,16 +32,19 @@ pub enum Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    fn recording(self) -> Option<&'a Recording> {
+    /// The recording that something is taken from.
+    pub(super) fn recording(self) -> Option<&'a Recording> {
         match self {
             Self::Simulation => None,
-            Self::Grid(recording) | Self::Episodes(recording) | Self::States(recording) => Some(recording),
+            Self::Itself(recording) | Self::Grid(recording) | Self::Episodes(recording) | Self::States(recording) => {
+                Some(recording)
+            }
         }
     }
 
     /// Whether policies act, in whatever is not there yet; of what is drawn again every state is.
     pub(super) fn acts(self) -> bool {
-        matches!(self, Self::Simulation | Self::Grid(_))
+        matches!(self, Self::Simulation | Self::Itself(_) | Self::Grid(_))
     }
 
     /// What part of another recording is drawn again, where it is a part: still one, which growing must not fill in.
@@ -49,7 +55,7 @@ impl<'a> Source<'a> {
     /// The episodes to be made: what the options ask for, or what the recording to be drawn again holds.
     pub(super) fn episodes(self, options: &RecordOptions) -> Vec<PlannedEpisode> {
         match self {
-            Self::Simulation | Self::Grid(_) => options.episodes().collect(),
+            Self::Simulation | Self::Itself(_) | Self::Grid(_) => options.episodes().collect(),
             Self::Episodes(recording) | Self::States(recording) => {
                 recording.episodes().iter().map(|entry| self.planned(entry)).collect()
             }
@@ -65,15 +71,35 @@ impl<'a> Source<'a> {
         PlannedEpisode { index, cell, state: if is_redrawn { index } else { state }, distractor }
     }
 
-    /// The recording whose stored distractors are played, and the names of their videos, where these stay: as its manifest has them, whatever else their folder holds by now.
+    /// The recording whose videos stay, and their names: as its manifest has them, whatever else their folder holds by now.
     pub(super) fn videos(self) -> Option<(&'a Path, Vec<String>)> {
         match self {
-            Self::Episodes(recording) => {
+            Self::Itself(recording) | Self::Grid(recording) | Self::Episodes(recording) => {
                 let names = recording.manifest().videos.iter().map(|video| video.name.clone()).collect();
                 Some((recording.path(), names))
             }
-            _ => None,
+            Self::Simulation | Self::States(_) => None,
         }
+    }
+
+    /// What to do about videos that stay and are no longer what they were.
+    fn videos_expected(self) -> &'static str {
+        if self.acts() {
+            "put those back"
+        } else {
+            "draw it with other videos (--videos, --distract), or put those back"
+        }
+    }
+
+    /// That the videos which stay are where the options have them.
+    ///
+    /// # Errors
+    /// [`Error::Malformed`] names the folder where they are not.
+    pub(super) fn check_there(self, options: &RecordOptions) -> Result<()> {
+        let Some((place, names)) = self.videos() else { return Ok(()) };
+        let Some(folder) = options.absent_videos(place, &names)? else { return Ok(()) };
+        let fact = format!("its background videos are no longer in {}", folder.display());
+        Err(Error::malformed(place, fact, self.videos_expected()))
     }
 
     /// Stored distractors name videos by their place in the list, so the list must be the same.
@@ -81,10 +107,10 @@ impl<'a> Source<'a> {
     /// # Errors
     /// [`Error::Malformed`] when it is not.
     pub(super) fn check_videos(self, videos: &[Video]) -> Result<()> {
-        match self {
-            Self::Episodes(recording) | Self::Grid(recording) if recording.manifest().videos != videos => {
-                let expected = "draw it with other videos (--videos, --distract), or put those back";
-                Err(Error::malformed(recording.path(), "its background videos are no longer what they were", expected))
+        match self.recording() {
+            Some(recording) if self.videos().is_some() && recording.manifest().videos != videos => {
+                let fact = "its background videos are no longer what they were";
+                Err(Error::malformed(recording.path(), fact, self.videos_expected()))
             }
             _ => Ok(()),
         }
@@ -126,7 +152,9 @@ impl<'a> Stored<'a> {
     /// When a recording that is drawn again is damaged.
     pub(super) fn states(&self, planned: PlannedEpisode) -> Result<Option<Acted>> {
         let Some(entry) = self.states.get(&planned.state) else { return Ok(None) };
-        if matches!(self.source, Source::Simulation | Source::Grid(_)) && !is_intact(self.recording, entry) {
+        if !self.source.acts() {
+            check_intact(self.recording, entry)?;
+        } else if !is_intact(self.recording, entry) {
             return Ok(None);
         }
         let view = self.recording.episode(entry.index)?;

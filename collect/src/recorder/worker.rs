@@ -33,6 +33,10 @@ impl<'a> Worker<'a> {
 
     pub(super) fn work(&mut self) -> Result<()> {
         while let Some((planned, row)) = self.shared.next_job() {
+            if self.shared.writer.has(planned.index) {
+                self.shared.writer.add_log(planned.index)?;
+                continue;
+            }
             let made = match self.shared.stored.episode(planned) {
                 Some(stored) => Some(stored),
                 None => self.make(planned, &row)?,
@@ -120,8 +124,7 @@ impl<'a> Worker<'a> {
         let shared = self.shared;
         let recorded = shared.studio.videos();
         let fits = options.distractors.axes.background && recorded.side() == pictures.look.sky_side(pictures.size);
-        let go_on = |missing: usize| shared.run.prepares(missing, shared.report);
-        let videos = if fits { recorded.clone() } else { options.videos_for(pictures, &go_on)? };
+        let videos = if fits { recorded.clone() } else { shared.run.videos_for(pictures, shared.report)? };
         let eyes = Eyes::new(options.environment()?, options.distractors, Some(pictures), videos)?;
         self.seeing.push(eyes);
         Ok(self.seeing.len() - 1)

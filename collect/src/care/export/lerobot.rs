@@ -23,6 +23,7 @@ use super::statistics::Statistics;
 use super::video::Video;
 use super::{Pictures, go_on, make_parent, with_steps, write_json};
 use crate::error::{Error, Result};
+use crate::sound::check_intact;
 
 /// Files of a kind in one folder.
 const FILES_A_CHUNK: u32 = 1000;
@@ -41,6 +42,7 @@ pub(super) fn write(recording: &Recording, pictures: Pictures, out: &Path, stop:
     let mut frames = 0;
     for entry in with_steps(recording)? {
         go_on(stop)?;
+        check_intact(recording, entry)?;
         let episode = recording.episode(entry.index)?.to_episode();
         episode.check(spec)?;
         let index = rows.len() as i64;

@@ -21,6 +21,7 @@ use super::columns::{arrow_error, field, list, numbers};
 use super::{go_on, make_parent, with_steps, write_json};
 use crate::error::{Error, Result};
 use crate::paths::rebase;
+use crate::sound::check_intact;
 
 /// The key of the dataset's metadata under which the recording's own header stands.
 pub(crate) const HEADER: &str = "vibes";
@@ -47,6 +48,7 @@ pub(super) fn write(recording: &Recording, place: &Path, out: &Path, stop: &Atom
     let with_steps = with_steps(recording)?;
     for (number, &entry) in with_steps.iter().enumerate() {
         go_on(stop)?;
+        check_intact(recording, entry)?;
         let episode = recording.episode(entry.index)?.to_episode();
         episode.check(spec)?;
         let path = data.join(number.to_string()).join("part-0.arrow");

@@ -1,5 +1,5 @@
 //! A recording's own columns in Parquet, one file an episode, and its manifest beside them as `recording.json`. Pictures become PNG, or stay as they
-//! are; everything else keeps its type, so that nothing is lost but the MCAP logs.
+//! are; everything else keeps its type, so that nothing is lost but the MCAP logs. All files have one schema.
 
 use std::fs::File;
 use std::path::Path;
@@ -10,14 +10,15 @@ use ::parquet::arrow::ArrowWriter;
 use ::parquet::basic::{Compression, ZstdLevel};
 use ::parquet::file::properties::WriterProperties;
 use ::parquet::schema::types::ColumnPath;
-use arrow::array::{Array, ArrayRef, AsArray, BinaryBuilder, RecordBatch};
-use arrow::datatypes::{DataType, Schema};
-use vibes_data::{ImageSize, Recording, Spec, episode_table};
+use arrow::array::{Array, ArrayRef, AsArray, BinaryBuilder, RecordBatch, new_null_array};
+use arrow::datatypes::{DataType, FieldRef, Schema};
+use vibes_data::{ImageSize, Recording, Spec, episode_schema, episode_table};
 
 use super::columns::{arrow_error, parquet_error};
 use super::pictures::png;
 use super::{Pictures, go_on, make_parent, write_json};
 use crate::error::Result;
+use crate::sound::check_intact;
 
 /// Writes `episodes/000012.parquet` and so on; returns the numbers of episodes and rows.
 pub(super) fn write(recording: &Recording, pictures: Pictures, out: &Path, stop: &AtomicBool) -> Result<(usize, u64)> {
@@ -25,8 +26,9 @@ pub(super) fn write(recording: &Recording, pictures: Pictures, out: &Path, stop:
     let mut rows = 0;
     for entry in recording.episodes() {
         go_on(stop)?;
+        check_intact(recording, entry)?;
         let source = recording.path().join(&entry.arrow.path);
-        let mut table = episode_table(&source, spec)?;
+        let mut table = with_all_columns(episode_table(&source, spec)?, spec, &source)?;
         if let (Pictures::Png, Some(size)) = (pictures, spec.pixels) {
             table = with_png(&table, spec, size, &source)?;
         }
@@ -35,6 +37,21 @@ pub(super) fn write(recording: &Recording, pictures: Pictures, out: &Path, stop:
     }
     write_json(&out.join("recording.json"), &serde_json::to_value(recording.manifest()).unwrap_or_default())?;
     Ok((recording.episodes().len(), rows))
+}
+
+/// The table with a column of nulls for every one that a recording of an earlier version lacks, so that all files have one schema.
+fn with_all_columns(table: RecordBatch, spec: &Spec, source: &Path) -> Result<RecordBatch> {
+    let all = episode_schema(spec);
+    if table.num_columns() == all.fields().len() {
+        return Ok(table);
+    }
+    let column = |field: &FieldRef| {
+        let found = table.column_by_name(field.name()).cloned();
+        found.unwrap_or_else(|| new_null_array(field.data_type(), table.num_rows()))
+    };
+    let columns = all.fields().iter().map(column).collect();
+    let schema = all.with_metadata(table.schema().metadata().clone());
+    RecordBatch::try_new(Arc::new(schema), columns).map_err(arrow_error(source))
 }
 
 /// One table in a file of its own.
