@@ -51,6 +51,12 @@ pub struct Beginning {
     pub latent_noise: Tensor<3>,
 }
 
+#[cfg(test)]
+impl Beginning {
+    /// Rows of a lane: tests begin with more of them.
+    pub(crate) const LANE: usize = forward::ROWS;
+}
+
 /// What was imagined.
 #[derive(Debug, Clone)]
 pub struct Imagined {
@@ -66,3 +72,6 @@ pub struct Imagined {
 pub fn imagination(world: &WorldWeights, actor: &ActorWeights, beginning: Beginning) -> Option<Imagined> {
     operation::imagination(world, actor, beginning, Instructions::best())
 }
+
+#[cfg(test)]
+mod tests;

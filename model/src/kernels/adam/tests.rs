@@ -30,3 +30,29 @@ fn the_first_step_has_the_size_of_the_rate() {
     updated.into_data().assert_approx_eq::<f32>(&[0.9_f32, 1.1, 1.0].into(), Tolerance::absolute(1e-5));
     kept.into_data().assert_eq(&[1.0_f32, 1.0, 1.0].into(), true);
 }
+
+/// Kingma and Ba's algorithm 1 in double precision, from moments of zero on: every step is corrected by its own power of the decays. The gradients change sign, so that the first moment and the
+/// root of the second go apart.
+#[test]
+fn four_steps_are_those_of_the_published_formula() {
+    const RATE: f64 = 0.1;
+    let gradients = [[0.5_f32, -2.0, 1e-3], [-0.7, 1.5, 2e-3], [0.3, 0.25, -4e-3], [-1.1, -0.5, 1e-3]];
+    let device = Device::flex();
+    let start = [1.0_f32, -0.5, 0.25];
+    let (mut parameter, mut moments) = (Tensor::<1>::from_floats(start, &device), None);
+    // Value and both moments of each number.
+    let mut wanted = start.map(|value| [f64::from(value), 0.0, 0.0]);
+    for (step, gradient) in (1_i32..).zip(gradients) {
+        let given = Tensor::<1>::from_floats(gradient, &device);
+        let (next, made) = Adam::default().update(parameter, given, moments, RATE, 1.0, step as u64);
+        for ([value, first, second], gradient) in wanted.iter_mut().zip(gradient.map(f64::from)) {
+            *first = 0.9 * *first + 0.1 * gradient;
+            *second = 0.999 * *second + 0.001 * gradient * gradient;
+            let (mean, square) = (*first / (1.0 - 0.9_f64.powi(step)), *second / (1.0 - 0.999_f64.powi(step)));
+            *value -= RATE * mean / (square.sqrt() + 1e-8);
+        }
+        let values = wanted.map(|[value, ..]| value as f32);
+        next.clone().into_data().assert_approx_eq::<f32>(&values.into(), Tolerance::absolute(1e-5));
+        (parameter, moments) = (next, Some(made));
+    }
+}

@@ -5,9 +5,14 @@
 //! ```
 //!
 //! Reward and values are the same for a state and its mirror image, so the paper's two terms need the action's effect to tell the two apart, and what one step of it shows
-//! is soon outweighed by what each held dimension costs the dynamics. This term asks for that effect outright; it keeps position and velocity of whatever
-//! actions move, and nothing of what they do not (a target, a video), so it stands beside the reward and never in its place. Multi-step inverse models are known from
-//! AC-State (arXiv 2207.08229) and ACRO (arXiv 2211.00164).
+//! is soon outweighed by what each held dimension costs the dynamics. This term rewards latents from which the action can be read. Its effect in the picture is one way to it: position and velocity of
+//! whatever actions move, and nothing of what they do not (a target, a video), so the term stands beside the reward and never in its place.
+//!
+//! Memory is another way. The encoder's GRU takes in the action before each picture, so `s_t+k` has seen `a_t` for every k from 1 on, and an encoder that remembers its actions can answer without looking at
+//! a picture. The objective `multi-step-inverse` keeps all actions from its encoder for this reason; this term does not, because it stands beside objectives whose encoder sees them. So what a
+//! latent holds says something of the term only where it is more than past actions alone tell; gains that were measured over that control hold.
+//!
+//! Multi-step inverse models are known from AC-State (arXiv 2207.08229) and ACRO (arXiv 2211.00164).
 
 use burn::tensor::{Tensor, TensorData, activation::softplus};
 use rand::Rng;
@@ -30,7 +35,7 @@ pub struct Inverse;
 pub const WEIGHT: Declared = Declared {
     flag: "inverse-weight",
     kind: Kind::Number { default: 0.0 },
-    help: "Weight of predicting the action from (h, s) and the latent some steps later; 0 leaves it out (the paper lacks it)",
+    help: "Weight of predicting the action from (h, s) and the latent some steps later; the encoder takes that action in on the way, so that remembering it can stand in for seeing its effect; 0 leaves it out (the paper lacks it)",
 };
 
 /// Most steps between the two latents.

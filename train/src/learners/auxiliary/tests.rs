@@ -2,21 +2,27 @@
 
 use burn::tensor::{Device, Tensor};
 use rand::SeedableRng;
-use toml::Table;
-use vibes_model::parameters::{read_parameters, to_values};
+use toml::{Table, Value};
+use vibes_model::parameters::{HostTensors, to_values};
 use vibes_model::{Model, ObservationKind};
 
 use super::*;
 use crate::batch::Batch;
 use crate::bench::{Sizes, made_up_spec, made_up_windows};
+use crate::learners::optimizer::NamedGradients;
 use crate::learners::world::Learner;
 use crate::options::Options;
+use crate::settings::own::Kind;
 
 const SIZES: Sizes = Sizes { picture: 16, actions: 2, repeats: 1 };
 const TERMS: &str = "inverse_weight = 1.0\ninverse_steps = 3\nreward_steps = 3\nreward_steps_weight = 0.5\nlatent_steps = 2\nburn_in = 2\nlength = 6";
 
 fn made_up(text: &str) -> (Model, Batch, Options) {
-    let options = Options::resolve("tiny", &[("the test", text.parse::<Table>().unwrap())]).unwrap();
+    made_up_with(text.parse().unwrap())
+}
+
+fn made_up_with(table: Table) -> (Model, Batch, Options) {
+    let options = Options::resolve("tiny", &[("the test", table)]).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let kind = ObservationKind::Pixels { height: 16, width: 16 };
     let config = options.model(&made_up_spec(SIZES), kind, 1.0);
@@ -122,7 +128,7 @@ fn a_term_that_is_not_asked_for_is_neither_built_nor_stated() {
 }
 
 #[test]
-fn every_term_learns_one_batch_beside_every_objective_and_reaches_the_encoder() {
+fn every_term_learns_one_batch_beside_every_objective() {
     for objective in crate::learners::objective::Objective::all() {
         let steps = "self_prediction_steps = 3\nmulti_step_inverse_steps = 3";
         let text = format!("objective = '{objective}'\nlr = 0.002\n{TERMS}\n{steps}");
@@ -144,13 +150,65 @@ fn every_term_learns_one_batch_beside_every_objective_and_reaches_the_encoder() 
             assert!(last > first, "{objective}, {}: {first} to {last}", term.metric());
         }
     }
-    // With all else still, the weight of a term changes the encoder's step.
-    let encoder_after = |weight: &str| {
-        let (model, batch, options) = made_up(&TERMS.replace("inverse_weight = 1.0", weight));
-        let learner = Learner::new(model, &options, &Device::flex());
-        let made =
-            learner.update(&batch, options.schedule(0, Some(0)), options.parts(), &mut ChaCha8Rng::seed_from_u64(6));
-        read_parameters(&made.unwrap().0.model.world.encoder, "")
-    };
-    assert_ne!(encoder_after("inverse_weight = 1.0"), encoder_after("inverse_weight = 2.0"));
+}
+
+/// By itself: the gradient of the term alone.
+#[test]
+fn every_term_reaches_the_encoder() {
+    let (model, batch, options) = made_up(TERMS);
+    let learner = Learner::new(model, &options, &Device::flex());
+    let schedule = options.schedule(0, Some(0));
+    let Model { config, world, .. } = &learner.model;
+    for term in REGISTRY {
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let scene =
+            Scene::new((world, config), &batch, (&options.settings, schedule), &mut rng, &Device::flex()).unwrap();
+        let mut gradients = term.value(&scene, &mut rng).unwrap().backward();
+        let norm = NamedGradients::take(world, &mut gradients).norm("encoder.");
+        assert!(norm > 0.0, "{}: {norm}", term.metric());
+    }
+}
+
+/// In an update: with all else still, each weight in turn changes the encoder's gradient. Adam's first moments are a tenth of it after the first step where no norm is limited, so that a limit on all
+/// gradients together changes nothing here.
+#[test]
+fn the_weight_of_every_term_changes_the_encoders_gradient() {
+    for term in REGISTRY {
+        let encoder_gradient = |weight: f64| -> HostTensors {
+            let mut table: Table = TERMS.parse().unwrap();
+            table.insert("gradient_clip".to_owned(), Value::Float(1e9));
+            let is_number = |option: &&Declared| matches!(option.kind, Kind::Number { .. });
+            let option = term.options().iter().find(is_number).expect("a weight");
+            table.insert(option.key(), Value::Float(weight));
+            let (model, batch, options) = made_up_with(table);
+            assert_eq!(term.weight(&options), weight, "the weight of {} is another option", term.metric());
+            let learner = Learner::new(model, &options, &Device::flex());
+            let mut rng = ChaCha8Rng::seed_from_u64(6);
+            let (learner, _) = learner.update(&batch, options.schedule(0, Some(0)), options.parts(), &mut rng).unwrap();
+            let moments = learner.optimizer.to_tensors("world");
+            moments.into_iter().filter(|(name, _)| name.starts_with("world.first.encoder.")).collect()
+        };
+        let (light, heavy) = (encoder_gradient(1.0), encoder_gradient(3.0));
+        assert!(!light.is_empty() && light != heavy, "{}", term.metric());
+    }
+}
+
+/// The future is never asked to be easier to predict: a latent that only others are run ahead to has no gradient at all.
+#[test]
+fn a_latent_that_is_only_a_target_is_not_moved() {
+    let (model, batch, options) = made_up(TERMS);
+    let learner = Learner::new(model, &options, &Device::flex());
+    let schedule = options.schedule(0, Some(0));
+    let Model { config, world, .. } = &learner.model;
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut scene =
+        Scene::new((world, config), &batch, (&options.settings, schedule), &mut rng, &Device::flex()).unwrap();
+    let leaf = scene.latents.clone().detach().require_grad();
+    scene.latents = leaf.clone();
+    let gradients = latent_ahead::LatentAhead.value(&scene, &mut rng).unwrap().backward();
+    let gradient = to_values(leaf.grad(&gradients).unwrap());
+    // Six rows, two steps ahead: rows 2 and 3 are starts that count, rows 4 and 5 are targets and nothing else.
+    let row = gradient.len() / 6;
+    let is_moved = |t: usize| gradient[t * row..(t + 1) * row].iter().any(|slope| *slope != 0.0);
+    assert_eq!([2, 3, 4, 5].map(is_moved), [true, true, false, false], "{gradient:?}");
 }
