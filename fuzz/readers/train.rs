@@ -62,11 +62,12 @@ fn make(folder: &Path) {
         model: config(),
         recordings: vec!["../recording".into()],
         from: None,
+        began_with: None,
         episodes: 1,
         steps: 9,
         versions: BTreeMap::new(),
     };
-    Run::create_or_open(&folder.join("trained"), info).unwrap();
+    Run::create_or_open(&folder.join("trained"), info, &[]).unwrap();
     fs::write(folder.join("plan.toml"), PLAN).unwrap();
 }
 

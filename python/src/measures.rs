@@ -366,7 +366,8 @@ fn quantities_of(quantities: &Bound<'_, PyDict>) -> PyResult<Vec<Quantity>> {
         let (values, is_class, hold_out): (PyReadonlyArray1<'_, f64>, bool, String) = value.extract()?;
         let numbers = owned(&values);
         let hold_out = match hold_out.as_str() {
-            "state" => HoldOut::State,
+            // As `vibes-analyze probe --target` has a column of a user's, which may be the state's or a distractor's.
+            "state" => HoldOut::StateOfUnknown,
             "episode" => HoldOut::Episode,
             "distractor" => HoldOut::Distractor,
             other => {

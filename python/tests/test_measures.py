@@ -92,6 +92,17 @@ def test_probes_read_what_is_there():
     assert fitted[0]["score"]["estimate"] > 0.99
 
 
+def test_shuffled_columns_of_the_distractors_are_not_their_own():
+    """As ``vibes-analyze probe --target`` has them: another state's cells hold the same values in the same order."""
+    _, keys = grid(states=8, distractors=6)
+    rng = np.random.default_rng(5)
+    shade = rng.normal(size=6)[keys["distractor"]]
+    table = measures.Table(shade[:, None] * [1.0, -2.0, 0.5] + 0.01 * rng.normal(size=(len(shade), 3)), **keys)
+    for fit_on in (None, (table, {"shade": shade})):
+        for score in measures.probes(table, {"shade": shade}, fit_on=fit_on):
+            assert score["score"]["estimate"] > 0.95 and score["shuffled"]["estimate"] < 0.6, score
+
+
 def test_a_map_is_the_same_for_the_same_seed_and_keeps_neighbours():
     rng = np.random.default_rng(0)
     centres = rng.normal(size=(4, 10)) * 10

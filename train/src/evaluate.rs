@@ -2,13 +2,13 @@
 //! on where they are at hand. Out: the numbers of `vibes-measure` under their names, each beside what past actions alone would give: on a grid every cell of a
 //! row shares its actions, so an encoder that sees only those already scores well.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::BTreeMap;
 
 use burn::tensor::Device;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
-use vibes_data::{EpisodeEntry, Recording, is_same_place};
+use vibes_data::Recording;
 use vibes_measure::episodes::PROBE_EPISODES;
 use vibes_measure::invariance::{Dropped, Grid};
 use vibes_measure::numbers::{GridOptions, Numbers, grid_numbers, probe_numbers};
@@ -17,19 +17,22 @@ use vibes_model::trained::TrainedEncoder;
 
 use crate::encode::check_fit;
 use crate::error::{Result, TrainError};
-use crate::run::Seen;
 
 mod feature_table;
 mod features;
 pub mod gaps;
+mod held_out;
 pub mod open_loop;
 mod rows;
+mod took;
 
 pub use feature_table::Features;
 pub use features::features;
 pub use gaps::{GapOptions, Gaps, Judged, Likelihoods, check_gaps, check_windows, gaps};
+pub use held_out::{GridVideos, are_videos_new_to, is_held_out, is_new_to, shared_starts, videos_of};
 pub use open_loop::open_loop;
 pub use rows::{Acting, Rows, trajectories};
+pub use took::Took;
 
 /// How to evaluate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -112,32 +115,6 @@ pub fn evaluate(
 pub fn check_grid(encoder: TrainedEncoder<'_>, grid: &Recording) -> Result<()> {
     check_fit(encoder, grid)?;
     check_is_grid(grid)
-}
-
-/// Whether a grid is new beside the recordings that something is fitted on: none of them under whatever path, and no episode of theirs in a copy. Other views of its states may be among
-/// them: [`shared_starts`] counts those.
-pub fn is_held_out(grid: &Recording, training: &[Recording]) -> bool {
-    let files: HashSet<&str> = grid.episodes().iter().map(|entry| entry.arrow.sha256.as_str()).collect();
-    let is_of_the_grid = |entry: &EpisodeEntry| files.contains(entry.arrow.sha256.as_str());
-    !training.iter().any(|recording| {
-        is_same_place(recording.path(), grid.path()) || recording.episodes().iter().any(is_of_the_grid)
-    })
-}
-
-/// Whether a grid is new to a run; not known where some of what it learned from is gone and none of the rest is the grid's.
-pub fn is_new_to(grid: &Recording, seen: &Seen) -> Option<bool> {
-    let is_new = is_held_out(grid, &seen.recordings);
-    (!is_new || seen.is_whole).then_some(is_new)
-}
-
-/// State trajectories of a grid that begin where an episode of these recordings began, by the seed that both were simulated with, and how many it has. Policies that draw nothing live
-/// through the same states from there.
-pub fn shared_starts(grid: &Recording, training: &[Recording]) -> (usize, usize) {
-    let task = |recording: &Recording| recording.manifest().spec.task.clone();
-    let alike = training.iter().filter(|recording| task(recording) == task(grid));
-    let seeds: HashSet<u64> = alike.flat_map(|recording| recording.episodes()).map(|entry| entry.seed).collect();
-    let own: HashSet<u64> = grid.episodes().iter().map(|entry| entry.seed).collect();
-    (own.intersection(&seeds).count(), own.len())
 }
 
 /// That a recording is a grid.

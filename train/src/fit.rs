@@ -1,12 +1,17 @@
 //! Offline training: the one loop. In: a run folder, recordings and options. Out: checkpoints and metrics in the run folder; what happens on the way is told to
 //! a listener, which may stop it.
 
+use std::path::Path;
+use std::time::{Duration, Instant};
+
 use burn::tensor::Device;
 use serde::Serialize;
 use vibes_data::{Recording, WindowBatch};
 
 use crate::error::Result;
-use crate::evaluate::{EvaluateOptions, GapOptions, Gaps, Report, check_grid, evaluate, gaps, is_new_to};
+use crate::evaluate::{
+    EvaluateOptions, GapOptions, Gaps, Report, Took, are_videos_new_to, check_grid, evaluate, gaps, is_new_to,
+};
 use crate::learners::world::Learner;
 use crate::metrics::Row;
 use crate::options::Options;
@@ -41,8 +46,18 @@ pub enum Event<'a> {
     },
     /// A line of metrics was written.
     Metrics(&'a Row),
-    /// The latents were evaluated on the held-out grid.
-    Evaluated(&'a Evaluation),
+    /// The latents are about to be evaluated on the held-out grid, which may take longer than all updates since the last time.
+    Evaluating {
+        /// Where the grid is.
+        grid: &'a Path,
+    },
+    /// They were.
+    Evaluated {
+        /// What was found.
+        evaluation: &'a Evaluation,
+        /// How long it took.
+        took: Took,
+    },
     /// A checkpoint was saved.
     Saved {
         /// Updates made.
@@ -68,12 +83,17 @@ pub struct Evaluation {
     pub update: u64,
     /// Whether the grid is none of the recordings that the run has learned from, nor has an episode of theirs; not known where some are gone.
     pub is_held_out: Option<bool>,
+    /// Whether none of the grid's background videos is among theirs; not said where that is not known, or it has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub videos_are_held_out: Option<bool>,
     /// How good the latents are.
     #[serde(flatten)]
     pub report: Report,
     /// How far from a bisimulation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gaps: Option<Gaps>,
+    /// Updates of the critic that measured it, without which gaps of two runs cannot be compared; 0 where it was not measured.
+    pub gap_updates: u64,
 }
 
 /// Whether to go on after an event.
@@ -130,13 +150,16 @@ pub fn fit(
         // Before the first update: a grid that cannot be evaluated on.
         check_grid((&learner.model).into(), &held_out.grid)?;
     }
-    let is_held_out = held_out.and_then(|held_out| is_new_to(&held_out.grid, &run.seen()));
+    let novelty = held_out.map_or([None; 2], |held_out| {
+        let (grid, seen) = (&held_out.grid, run.seen());
+        [is_new_to(grid, &seen), are_videos_new_to(grid, &seen)]
+    });
     listen(Event::Start { update: state.update });
     let session = Session::open(run, device, state, held_out.is_some())?;
     std::thread::scope(|scope| {
         let numbers = state.drawn()..state.carried + options.updates;
         let batches = Prefetch::start(scope, &windows, options.seed, numbers);
-        Training { session, options, device, batches, recordings, held_out, is_held_out }.run(learner, listen)
+        Training { session, options, device, batches, recordings, held_out, novelty }.run(learner, listen)
     })
 }
 
@@ -147,7 +170,8 @@ struct Training<'a> {
     batches: Prefetch,
     recordings: &'a [Recording],
     held_out: Option<&'a HeldOut>,
-    is_held_out: Option<bool>,
+    /// Whether the grid, and whether its videos are new to the run, as far as that is known.
+    novelty: [Option<bool>; 2],
 }
 
 impl Training<'_> {
@@ -190,25 +214,30 @@ impl Training<'_> {
         let Some(held_out) = self.held_out else { return Ok(()) };
         let update = self.session.state.update;
         if last || update.is_multiple_of(held_out.every.max(1)) {
-            let report = evaluate(
-                (&learner.model).into(),
-                &held_out.grid,
-                self.recordings,
-                EvaluateOptions::default(),
-                self.device,
-            )?;
-            let gaps = match held_out.gap_updates {
-                0 => None,
-                updates => {
-                    let options = GapOptions::like(self.options, updates);
-                    Some(gaps(&learner.model, self.recordings, &held_out.grid, options, self.device)?)
-                }
-            };
-            let evaluation = Evaluation { update, is_held_out: self.is_held_out, report, gaps };
+            listen(Event::Evaluating { grid: held_out.grid.path() });
+            let (evaluation, took) = self.judge(learner, held_out, update)?;
             self.session.evaluated(&evaluation)?;
-            listen(Event::Evaluated(&evaluation));
+            listen(Event::Evaluated { evaluation: &evaluation, took });
         }
         Ok(())
+    }
+
+    /// The numbers of one evaluation, and how long they took.
+    fn judge(&self, learner: &Learner, held_out: &HeldOut, update: u64) -> Result<(Evaluation, Took)> {
+        let begun = Instant::now();
+        let (model, grid) = (&learner.model, &held_out.grid);
+        let report = evaluate(model.into(), grid, self.recordings, EvaluateOptions::default(), self.device)?;
+        let before_gaps = begun.elapsed();
+        let gaps = match held_out.gap_updates {
+            0 => None,
+            updates => Some(gaps(model, self.recordings, grid, GapOptions::like(self.options, updates), self.device)?),
+        };
+        let all = begun.elapsed();
+        let critic = if gaps.is_some() { all - before_gaps } else { Duration::ZERO };
+        let [is_held_out, videos_are_held_out] = self.novelty;
+        let gap_updates = held_out.gap_updates;
+        let evaluation = Evaluation { update, is_held_out, videos_are_held_out, report, gaps, gap_updates };
+        Ok((evaluation, Took { all, critic }))
     }
 
     fn end(&self, go: Go) -> Option<End> {

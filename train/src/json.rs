@@ -17,6 +17,12 @@ pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     Ok(write_atomically(path, (text + "\n").as_bytes())?)
 }
 
+/// Whether a counter is left out of a file, which reads a missing one as 0.
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+pub(crate) fn is_zero(number: &u64) -> bool {
+    *number == 0
+}
+
 /// Leaves of a file of JSON lines those that are wanted, as they stand; a line that is no JSON goes too. No file has no lines.
 ///
 /// # Errors

@@ -4,7 +4,8 @@
 //! With [`Extent::Acting`] the adversary is left out too: enough to encode, to evaluate and to act, and not to train on.
 //!
 //! Adam's moments, twice the size of the weights, are left out: a run that goes on from the copy begins with new ones, and its step size rises anew. (The copy of an
-//! online run acts, encodes and is evaluated; as its replay is left out too, it cannot be gone on with.) The recordings are named as `recordings/NAME`, which is looked for in the copy's folder and in every folder above it.
+//! online run acts, encodes and is evaluated; as its replay is left out too, it cannot be gone on with.) The recordings are named as `recordings/NAME`, which is looked for in the copy's folder and in every folder above it;
+//! so is the run it went on from, as `runs/NAME`. How many control steps it began with stays known without that one.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,6 +18,7 @@ use vibes_model::checkpoint::copy_in_half;
 
 use crate::error::{Result, TrainError, io};
 use crate::json::write_json;
+use crate::online::head_start;
 use crate::run::{Run, RunInfo};
 use crate::summary::write_summary;
 
@@ -84,7 +86,8 @@ fn copy(run: &Run, to: &Path, extent: Extent) -> Result<Kept> {
         thin(&run.path().join(name), &to.join(name), update)?;
     }
     let recordings = info.recording_names().into_iter().map(|name| format!("recordings/{name}")).collect();
-    write_json(&to.join("run.json"), &RunInfo { recordings, from: None, ..info })?;
+    let from = info.from_name().map(|name| format!("runs/{name}"));
+    write_json(&to.join("run.json"), &RunInfo { recordings, from, began_with: head_start(run)?, ..info })?;
     // Its page says its own name.
     write_summary(&Run::open(to)?)?;
     Ok(Kept { update, bytes: size(to)? })

@@ -20,7 +20,6 @@ use std::time::Instant;
 
 use burn::tensor::Device;
 use vibes_data::Recording;
-use vibes_env::videos::VideoSet;
 
 use crate::error::Result;
 use crate::fit::{End, Go};
@@ -43,12 +42,14 @@ mod updates;
 pub mod world;
 
 use actor::{ActorThread, Living};
+pub(crate) use beginning::head_start;
 pub use checkpoint::OnlineState;
 use checkpoint::resume;
 use evaluate::Evaluation;
 pub use line::{Learned, Line, Pace};
 use options::OnlineOptions;
 use training::Training;
+use world::Libraries;
 
 /// What the loop tells its listener.
 #[derive(Debug)]
@@ -64,6 +65,13 @@ pub enum Event<'a> {
         control_steps: u64,
         /// Its return.
         episode_return: f64,
+    },
+    /// World model, actor and critic began anew.
+    Reset {
+        /// Control steps lived through before.
+        control_steps: u64,
+        /// Updates before the next episode.
+        updates: u64,
     },
     /// An update was made.
     Update,
@@ -98,13 +106,25 @@ pub struct Setup<'a> {
 /// # Errors
 /// See [`TrainError`](crate::TrainError); everything up to the last checkpoint is kept.
 pub fn online(setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
-    online_living(actor::as_it_is, setup, listen)
+    online_under(setup.options.world.libraries()?, setup, listen)
 }
 
-fn online_living(live: Living, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
+/// The same under the world's videos, which have been opened before: making them may take minutes, in which another has to be listened to.
+///
+/// # Errors
+/// As [`online`].
+pub fn online_under(libraries: Libraries, setup: &Setup<'_>, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
+    online_living(actor::as_it_is, libraries, setup, listen)
+}
+
+fn online_living(
+    live: Living,
+    libraries: Libraries,
+    setup: &Setup<'_>,
+    listen: &mut dyn FnMut(Event<'_>) -> Go,
+) -> Result<End> {
     let Setup { run, options, given, device } = *setup;
     let model_options = &run.info().options;
-    let libraries = [options.world.video_library(VideoSet::Train)?, options.world.video_library(VideoSet::Val)?];
     let place = run.path().join("replay");
     let manifest = options.replay_manifest(model_options.seed, libraries[0].videos(), &place)?;
     let resumed = resume(run, options.behaviour.guard > 0.0, device)?;

@@ -1,9 +1,7 @@
 //! Before training: what the recordings hold decides the model, and the run folder is begun or found. In: recordings and options. Out: a run.
 
-use std::collections::BTreeSet;
 use std::path::Path;
 
-use serde_json::Value;
 use vibes_data::{RUN_FORMAT, Recording, Spec, WindowSampler, relative_place};
 use vibes_model::{ModelConfig, ObservationKind};
 
@@ -13,6 +11,10 @@ use crate::evaluate::{check_is_grid, check_windows};
 use crate::options::Options;
 use crate::run::{Run, RunInfo, versions};
 use crate::settings::Observations;
+
+mod model;
+
+pub(crate) use model::same_model;
 
 /// Opens or begins the run at `path` for these recordings and options; a new one goes on from the newest checkpoint of the run `from`, if one is named.
 ///
@@ -50,20 +52,21 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
         None => model,
     };
     if let Some(from) = from {
-        same_model(from, &model)?;
+        same_model(from, options.objective, &model)?;
     }
     let (episodes, steps) = held(recordings);
     let info = RunInfo {
         format: RUN_FORMAT.to_owned(),
         model,
         from: from.map(|from| relative_place(from, path)),
+        began_with: None,
         options: options.clone(),
         recordings: recordings.iter().map(|recording| relative_place(recording.path(), path)).collect(),
         episodes,
         steps,
         versions: versions(),
     };
-    Run::create_or_open(path, info)
+    Run::create_or_open(path, info, recordings)
 }
 
 /// That a run on these recordings can be judged on a grid, and its gaps measured there where their critic makes any updates: to be known before its folder is begun.
@@ -110,6 +113,9 @@ fn settled(options: &Options, from: Option<&Path>) -> Options {
 }
 
 /// Standard deviation of all rewards of the recordings.
+///
+/// # Errors
+/// An episode cannot be read, or a reward is no number: a run begun with such a unit of reward would keep it.
 fn rewards_std(recordings: &[Recording]) -> Result<f64> {
     let (mut count, mut sum, mut squares) = (0.0_f64, 0.0, 0.0);
     for recording in recordings {
@@ -120,51 +126,20 @@ fn rewards_std(recordings: &[Recording]) -> Result<f64> {
                 sum += reward;
                 squares += reward * reward;
             }
+            if !sum.is_finite() {
+                episode.check_numbers()?;
+            }
         }
     }
     let mean = sum / count.max(1.0);
     Ok((squares / count.max(1.0) - mean * mean).max(0.0).sqrt())
 }
 
-/// The model that was made before, whose unit of reward stays although the recordings may have grown.
+/// The model that has learned before, whose unit of reward stays although the recordings may have grown.
 fn known_scale(path: &Path, from: Option<&Path>) -> Option<ModelConfig> {
-    let before = Run::open(path).ok().or_else(|| Run::open(from?).ok())?;
+    let own = Run::open(path).ok().filter(|run| !run.checkpoints().is_empty());
+    let before = own.or_else(|| Run::open(from?).ok())?;
     Some(before.info().model.clone())
-}
-
-/// That the run `from` has weights for this model; further heads may differ.
-///
-/// # Errors
-/// It has none, or for another model.
-pub(crate) fn same_model(from: &Path, wanted: &ModelConfig) -> Result<()> {
-    let run = Run::open(from)?;
-    run.newest_model()?;
-    let found = &run.info().model;
-    let wanted = ModelConfig { heads: found.heads.clone(), ..wanted.clone() };
-    if *found == wanted {
-        return Ok(());
-    }
-    let (found, wanted) = differences(found, &wanted);
-    Err(TrainError::OtherModel { found, wanted, path: from.to_owned() })
-}
-
-/// What differs between two models, on either side, as in `latent 32`.
-fn differences(one: &ModelConfig, other: &ModelConfig) -> (String, String) {
-    let [one, other] = [one, other].map(|model| serde_json::to_value(model).unwrap_or_default());
-    let names: BTreeSet<&String> =
-        [&one, &other].iter().filter_map(|model| model.as_object()).flat_map(|m| m.keys()).collect();
-    let differing: Vec<&String> = names.into_iter().filter(|name| one[name.as_str()] != other[name.as_str()]).collect();
-    let text = |model: &Value| {
-        let named = |name: &&String| {
-            let value = &model[name.as_str()];
-            let value = value
-                .as_str()
-                .map_or_else(|| if value.is_null() { "none".into() } else { value.to_string() }, str::to_owned);
-            format!("{} {value}", name.replace('_', " "))
-        };
-        differing.iter().map(named).collect::<Vec<_>>().join(", ")
-    };
-    (text(&one), text(&other))
 }
 
 /// The observations of a recording or a world that are wanted, pictures before vectors; none where it has none.

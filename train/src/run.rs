@@ -26,7 +26,7 @@ use burn::tensor::Device;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use vibes_data::{FolderLock, Recording, RunFolder, write_atomically};
+use vibes_data::{FolderLock, Recording, RunFolder, is_same_place, write_atomically};
 use vibes_model::checkpoint::{load_tensors, save_tensors};
 use vibes_model::parameters::{HostTensors, read_parameters};
 use vibes_model::{HeadConfig, Model, ModelConfig};
@@ -34,9 +34,19 @@ use vibes_model::{HeadConfig, Model, ModelConfig};
 use crate::checkpoints;
 use crate::error::{Result, TrainError, io, malformed};
 use crate::gate::Gate;
-use crate::json::write_json;
+use crate::json::{is_zero, write_json};
 use crate::learners::world::Learner;
 use crate::options::Options;
+
+mod chain;
+mod differences;
+mod fingerprint;
+mod same;
+
+use fingerprint::Fingerprint;
+
+pub use chain::{Chain, Link, Seen};
+pub(crate) use differences::differences;
 
 /// What `run.json` holds, with this package's own options and model.
 pub type RunInfo = vibes_data::RunInfo<Options, ModelConfig>;
@@ -55,6 +65,9 @@ pub struct State {
     /// Updates made by the run that this one went on from, which schedules count on from.
     #[serde(default)]
     pub carried: u64,
+    /// The [drawn](Self::drawn) number from which on the weights are new ones, where an online run began them anew: schedules count from it.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub anew_from: u64,
     /// Whether the dynamics term reaches the encoder yet.
     #[serde(default, alias = "hearing")]
     pub gate: Gate,
@@ -65,6 +78,23 @@ impl State {
     pub fn drawn(&self) -> u64 {
         self.carried + self.update
     }
+
+    /// Updates that these weights have behind them, of the run before too: what schedules go by.
+    pub fn scheduled(&self) -> u64 {
+        self.drawn() - self.anew_from
+    }
+
+    /// The state in which new weights take the place of those that were there; updates and draws are counted on.
+    #[must_use]
+    pub fn anew(self) -> Self {
+        Self {
+            optimizer_steps: 0,
+            adversary_optimizer_steps: 0,
+            anew_from: self.drawn(),
+            gate: Gate::default(),
+            ..self
+        }
+    }
 }
 
 /// A run folder on disk.
@@ -73,87 +103,36 @@ pub struct Run {
     folder: RunFolder,
     info: RunInfo,
     held_before: Option<(usize, u64)>,
+    /// Of its recordings, in their order; none of a run that is only read.
+    fingerprints: Vec<Fingerprint>,
     // Held while the run is written; a run that is only read has none.
     _lock: Option<Arc<FolderLock>>,
 }
 
-/// Recordings that a run's weights have learned from, as far as they are still there.
-#[derive(Debug, Clone)]
-pub struct Seen {
-    /// Those that are there.
-    pub recordings: Vec<Recording>,
-    /// Whether none is gone.
-    pub is_whole: bool,
-}
-
-impl Seen {
-    fn add(&mut self, run: &Run) {
-        let left = run.recordings_left();
-        self.is_whole &= left.len() == run.info.recordings.len();
-        self.recordings.extend(left);
-        match Recording::open(&run.path().join("replay")) {
-            Ok(replay) => self.recordings.push(replay),
-            // A kept copy has none.
-            Err(_gone) => self.is_whole &= !run.path().join("online.json").exists(),
-        }
-    }
-}
-
 impl Run {
-    /// Begins a run, or opens the one that is there if it was begun with the same options; this process owns the folder until the run is dropped.
+    /// Begins a run on these recordings, or opens the one that is there if it was begun with the same options; this process owns the folder until the run is dropped.
     ///
     /// # Errors
     /// Another run is there, another process writes into it, or the folder cannot be written.
-    pub fn create_or_open(path: &Path, info: RunInfo) -> Result<Self> {
+    pub fn create_or_open(path: &Path, info: RunInfo, recordings: &[Recording]) -> Result<Self> {
         let folder = RunFolder::at(path);
+        let fingerprints = recordings.iter().map(Fingerprint::of).collect();
         let lock = Some(Arc::new(FolderLock::acquire(path)?));
         if !folder.info_path().exists() && !folder.model_free_path().exists() {
             fs::create_dir_all(path.join("checkpoints")).map_err(io("create", path))?;
-            let run = Self { folder, info, held_before: None, _lock: lock };
+            let run = Self { folder, info, held_before: None, fingerprints, _lock: lock };
             run.write_info()?;
             return Ok(run);
         }
         checkpoints::recover(&folder)?;
         let found = Self::open(path)?;
-        let other = |key: &str, found: String, asked: String| TrainError::OtherRun {
-            key: key.to_owned(),
-            found,
-            asked,
-            path: path.to_owned(),
-        };
-        if let Some((key, found, asked)) = found.info.options.first_difference(&info.options) {
-            return Err(other(&key, found, asked));
-        }
-        if found.info.model != info.model {
-            return Err(other("model", describe(&found.info.model), describe(&info.model)));
-        }
-        // A recording may have moved, or grown, since; another name is another recording.
-        let (before, asked) = (found.info.recording_names(), info.recording_names());
-        if before != asked {
-            return Err(other("recordings", before.join(", "), asked.join(", ")));
-        }
-        if let Some(asked) = &info.from
-            && !found.began_with(asked)
-        {
-            let from = found.info.from.clone().unwrap_or_else(|| "nothing".to_owned());
-            return Err(other("from", from, asked.clone()));
-        }
+        found.check_same(&info, recordings)?;
         let held = |info: &RunInfo| (info.episodes, info.steps);
         let held_before = Some(held(&found.info)).filter(|before| *before != held(&info));
-        let run = Self { folder, info: RunInfo { from: found.info.from, ..info }, held_before, _lock: lock };
+        let info = RunInfo { from: found.info.from, began_with: found.info.began_with, ..info };
+        let run = Self { folder, info, held_before, fingerprints, _lock: lock };
         run.write_info()?;
         Ok(run)
-    }
-
-    /// Whether this run went on from the one at `asked`, as a file of this folder names it. It may have moved since; another name is another run, and so is one of the same
-    /// name elsewhere while both are there.
-    fn began_with(&self, asked: &str) -> bool {
-        let Some(from) = &self.info.from else { return false };
-        let places = [from.as_str(), asked].map(|place| self.folder.find_run(place)?.canonicalize().ok());
-        match places {
-            [Some(from), Some(asked)] => from == asked,
-            _ => Path::new(from).file_name() == Path::new(asked).file_name(),
-        }
     }
 
     /// Opens a run to read it.
@@ -166,7 +145,7 @@ impl Run {
             return Err(TrainError::NoWorldModel { path: path.to_owned() });
         }
         let info = folder.info()?;
-        Ok(Self { folder, info, held_before: None, _lock: None })
+        Ok(Self { folder, info, held_before: None, fingerprints: Vec::new(), _lock: None })
     }
 
     /// What `run.json` says.
@@ -219,16 +198,17 @@ impl Run {
 
     /// What its weights have learned from, those of the runs that it goes on from included, and what it lived through itself.
     pub fn seen(&self) -> Seen {
-        let (before, is_whole) = self.before();
-        let mut seen = Seen { recordings: Vec::new(), is_whole };
-        std::iter::once(self).chain(&before).for_each(|run| seen.add(run));
-        seen
+        self.chain().seen()
     }
 
     /// The runs that it goes on from, the last one first, as far back as they are there; and whether that is to the first.
     pub fn before(&self) -> (Vec<Self>, bool) {
-        let (mut runs, mut from) = (Vec::new(), self.open_from());
+        let (mut runs, mut from) = (Vec::<Self>::new(), self.open_from());
         while let Ok(Some(run)) = from {
+            // A copy names the run before it by its name alone: where that leads back, it is another one that is gone.
+            if std::iter::once(self).chain(&runs).any(|known| is_same_place(known.path(), run.path())) {
+                return (runs, false);
+            }
             from = run.open_from();
             runs.push(run);
         }
@@ -286,7 +266,7 @@ impl Run {
     /// The learner of the newest checkpoint and where it stood; none if nothing was saved yet. A [kept](crate::keep) checkpoint has no moments: Adam begins anew.
     ///
     /// # Errors
-    /// A file is missing or damaged.
+    /// A file is missing or damaged, the moments of another checkpoint than a kept one among them.
     pub fn resume(&self, device: &Device) -> Result<Option<(Learner, State)>> {
         checkpoints::newest(&self.folder, |folder| {
             let model = Model::load(&folder.join("model.safetensors"), device)?;
@@ -359,7 +339,7 @@ impl Run {
     }
 
     fn write_info(&self) -> Result<()> {
-        write_json(&self.folder.info_path(), &self.info)?;
+        fingerprint::write(&self.folder.info_path(), &self.info, &self.fingerprints)?;
         let file = self.path().join("config.toml");
         let text = toml::to_string(&self.info.options)
             .map_err(|error| malformed(&file, error, "options that TOML can hold"))?;
@@ -374,11 +354,22 @@ fn read_state(file: &Path) -> Result<State> {
 
 fn restore_moments(learner: &mut Learner, folder: &Path, state: State, device: &Device) -> Result<()> {
     let file = folder.join("optimizer.safetensors");
-    if !file.exists() {
+    let is_without = || state.optimizer_steps == 0 || is_in_half(&folder.join("model.safetensors"));
+    if !file.exists() && is_without() {
         return Ok(());
     }
     let (moments, _) = load_tensors(&file)?;
     restore(learner, &moments, state, &file, device)
+}
+
+/// Whether weights are in half precision, as those of a kept copy are, which has no moments. The file opens with the length of its header, a list of its tensors in JSON.
+fn is_in_half(file: &Path) -> bool {
+    let Ok(bytes) = fs::read(file) else { return false };
+    let Some((length, rest)) = bytes.split_first_chunk() else { return false };
+    let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+    let header: Option<serde_json::Value> = rest.get(..length).and_then(|text| serde_json::from_slice(text).ok());
+    let tensors = header.as_ref().and_then(|header| header.as_object());
+    tensors.is_some_and(|tensors| tensors.values().any(|tensor| tensor["dtype"] == "F16"))
 }
 
 fn restore(learner: &mut Learner, moments: &HostTensors, state: State, file: &Path, device: &Device) -> Result<()> {
@@ -443,8 +434,4 @@ impl Heads<'_> {
 pub fn versions() -> BTreeMap<String, String> {
     let versions = [("vibes-train", env!("CARGO_PKG_VERSION")), ("burn", env!("VIBES_BURN_VERSION"))];
     versions.into_iter().map(|(name, version)| (name.to_owned(), version.to_owned())).collect()
-}
-
-fn describe(model: &ModelConfig) -> String {
-    format!("{} with {} and {} actions", model.task, model.observation, model.actions())
 }

@@ -73,8 +73,8 @@ impl<'a> Session<'a> {
         let number = self.state.update;
         let device = self.device.clone().autodiff();
         let batch = Batch::new(&windows, &learner.model.config, self.options.burn_in, &device)?;
-        let scheduled = self.state.drawn();
-        let mut noise = update_rng(self.options.seed, scheduled, Purpose::Noise);
+        let scheduled = self.state.scheduled();
+        let mut noise = update_rng(self.options.seed, self.state.drawn(), Purpose::Noise);
         self.state.gate = self.state.gate.before(scheduled, self.options.objective.gate(self.options));
         let schedule = self.options.schedule_after(learner.optimizer.steps(), scheduled, self.state.gate.opened);
         let made = learner.update(&batch, schedule, self.options.parts(), &mut noise);
@@ -166,7 +166,22 @@ pub fn first_learner(
         let rewards = (options.calibrate && is_new).then(|| Ok::<_, TrainError>(windows()?.rewards)).transpose()?;
         return from.carry_over(options, &run.info().model, rewards.as_deref(), device);
     }
+    Ok((new_learner(run, 0, windows, device)?, State::default()))
+}
+
+/// A learner with new weights, the `nth` that a run begins with, whose first scales these windows set.
+///
+/// # Errors
+/// The windows are of another kind than the model's.
+pub fn new_learner(
+    run: &Run,
+    nth: u64,
+    windows: impl FnOnce() -> Result<WindowBatch>,
+    device: &Device,
+) -> Result<Learner> {
+    let options = &run.info().options;
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+    rng.set_stream(nth);
     let mut model = Model::init(run.info().model.clone(), &mut rng, device)?;
     if options.calibrate {
         let windows = windows()?;
@@ -174,7 +189,7 @@ pub fn first_learner(
         model = model.calibrated(batch.frames, batch.previous_actions, &windows.rewards)?;
         model.world = options.objective.calibrated(model.world, &windows.rewards);
     }
-    Ok((Learner::new(model, options, device), State::default()))
+    Ok(Learner::new(model, options, device))
 }
 
 /// Whether so many seconds of training fill the minutes asked for.

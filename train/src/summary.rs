@@ -270,7 +270,10 @@ fn progress(page: &mut String, info: &RunInfo, last: &Row, control_steps: Option
 fn held_out(page: &mut String, evaluations: &[Json]) {
     const SHARES: [&str; 3] = ["state_share", "distractor_share", "interaction_share"];
     const RETRIEVALS: [&str; 2] = ["retrieval_same_step@1", "retrieval_any_step@1"];
-    push(page, "\n## On the held-out grid\n");
+    // As of the last one: its videos are those of the run all along.
+    let are_known = evaluations.last().is_some_and(|last| last["videos_are_held_out"] == false);
+    let videos = if are_known { " (its videos were trained under)" } else { "" };
+    push(page, &format!("\n## On the held-out grid{videos}\n"));
     let names: Vec<&str> = RETRIEVALS.into_iter().chain(SHARES).collect();
     push(page, &format!("| updates | {} | reward gap, nats | dynamics gap, nats |", names.join(" | ")));
     push(page, &format!("|---|{}---|---|", "---|".repeat(names.len())));
@@ -284,6 +287,12 @@ fn held_out(page: &mut String, evaluations: &[Json]) {
     }
     if shown(evaluations.len()).into_iter().any(|index| evaluations[index]["is_held_out"] == false) {
         push(page, "\nThe grid is among what the run was trained on: these numbers say nothing of new episodes.");
+    }
+    if are_known {
+        push(
+            page,
+            "\nBackground videos of the grid are among those it was trained under: these numbers are of new states, not of new videos.",
+        );
     }
     let last = evaluations.last().unwrap_or(&Json::Null);
     let of = |name: &str, what: &str| number(last, name, what).unwrap_or(f64::NAN);

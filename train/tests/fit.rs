@@ -384,3 +384,105 @@ fn rewards_that_actions_alone_tell_do_not_open_the_gate() {
     assert!(last.reward_log_likelihood > baseline + 0.25 && last.dynamics_weight > 0.0, "{last:?}");
     assert_eq!(rows[0].dynamics_weight, 0.0);
 }
+
+/// Puts a number that is none in the place of the first reward of a recording's first episode: what damage leaves, or a program that does not check.
+fn poison(recording: &Recording) {
+    let entry = &recording.episodes()[0];
+    let rewards = recording.episode(entry.index).unwrap().to_episode().rewards;
+    let column: Vec<u8> = rewards.iter().flat_map(|reward| reward.to_le_bytes()).collect();
+    let file = recording.path().join(&entry.arrow.path);
+    let mut bytes = fs::read(&file).unwrap();
+    let at = bytes.windows(column.len()).position(|found| found == column).unwrap();
+    bytes[at..][..4].copy_from_slice(&f32::NAN.to_le_bytes());
+    fs::write(&file, bytes).unwrap();
+}
+
+#[test]
+fn a_reward_that_is_no_number_is_refused_before_the_folder_is_begun() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false);
+    let file = recording.path().join(&recording.episodes()[0].arrow.path);
+    let whole = fs::read(&file).unwrap();
+    poison(&recording);
+    let path = folder.path().join("run");
+    let error = train(&path, std::slice::from_ref(&recording), &options("updates = 1")).unwrap_err().to_string();
+    assert!(error.contains("the reward of step 0 is NaN") && error.contains("000000.arrow"), "{error}");
+    assert!(!path.exists(), "a unit of reward that is none would stay in it");
+    fs::write(&file, whole).unwrap();
+    train(&path, &[recording], &options("updates = 1")).unwrap();
+}
+
+/// Says something else in `run.json`.
+fn rewrite(run: &Path, change: impl Fn(&mut serde_json::Value)) {
+    let file = run.join("run.json");
+    let mut info = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
+    change(&mut info);
+    fs::write(&file, info.to_string()).unwrap();
+}
+
+/// The unit of reward is settled by what was learned in it, and not by a folder in which nothing was learned yet.
+#[test]
+fn a_unit_of_reward_stays_from_the_first_checkpoint_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false)];
+    let path = folder.path().join("run");
+    let options = options("updates = 1");
+    let unit = |expected: f32| {
+        let run = prepare(&path, &recordings, &options, None).unwrap();
+        assert!((run.info().model.reward_scale - expected).abs() < 0.3, "{}", run.info().model.reward_scale);
+    };
+    let wrong = |info: &mut serde_json::Value| info["model"]["reward_scale"] = serde_json::Value::from(0.25);
+    unit(1.0);
+    rewrite(&path, wrong);
+    unit(1.0);
+    train(&path, &recordings, &options).unwrap();
+    rewrite(&path, wrong);
+    unit(0.25);
+}
+
+/// Names and sizes do not tell one recording from another.
+#[test]
+fn another_recording_of_the_same_name_and_size_is_another_and_one_that_has_grown_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let (coins, path) = (folder.path().join("coins"), folder.path().join("run"));
+    let go_on =
+        |recording: Recording, updates: u32| train(&path, &[recording], &options(&format!("updates = {updates}")));
+    go_on(synthetic::recording(&coins, synthetic::SIDE, 2, 20, false), 1).unwrap();
+    fs::remove_dir_all(&coins).unwrap();
+    go_on(synthetic::recording(&coins, synthetic::SIDE, 3, 20, false), 2).unwrap();
+    fs::remove_dir_all(&coins).unwrap();
+    let other = synthetic::recording_of(&coins, synthetic::SIDE, 3, 20, false, |state, action| -state * action);
+    let before = fs::read(path.join("run.json")).unwrap();
+    let error = go_on(other.clone(), 3).unwrap_err();
+    assert!(matches!(&error, TrainError::OtherRun { key, .. } if key == "recordings"), "{error}");
+    assert_eq!(fs::read(path.join("run.json")).unwrap(), before, "what it learned from is not forgotten");
+    // A run.json of before they were kept has nothing to compare with.
+    rewrite(&path, |info| drop(info.as_object_mut().unwrap().remove("fingerprints").unwrap()));
+    go_on(other, 3).unwrap();
+}
+
+/// Without its moments a checkpoint would go on as another run than the one that was stopped.
+#[test]
+fn a_checkpoint_without_its_moments_is_damaged() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false)];
+    let path = folder.path().join("run");
+    train(&path, &recordings, &options("updates = 2")).unwrap();
+    fs::remove_file(path.join("checkpoints/000002/optimizer.safetensors")).unwrap();
+    let error = train(&path, &recordings, &options("updates = 3")).unwrap_err();
+    assert!(matches!(&error, TrainError::DamagedCheckpoint { .. }), "{error}");
+    assert!(error.to_string().contains("optimizer.safetensors"), "{error}");
+}
+
+/// Where an objective asks for what another lacks, both are named.
+#[test]
+fn going_on_from_an_objective_of_other_networks_is_refused_by_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = [synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 2, 20, false)];
+    let first = folder.path().join("first");
+    train(&first, &recordings, &options("objective = 'deepmdp'\nupdates = 1")).unwrap();
+    let wanted = options("objective = 'kl-constraint'\nupdates = 1");
+    let error = prepare(&folder.path().join("second"), &recordings, &wanted, Some(&first)).unwrap_err().to_string();
+    assert!(error.contains("no learned numbers (objective deepmdp)"), "{error}");
+    assert!(error.contains("(objective kl-constraint)") && !error.contains("[]"), "{error}");
+}

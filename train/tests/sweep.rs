@@ -270,6 +270,11 @@ fn a_stage_that_could_not_be_read_is_refused_before_anything_runs() {
         ("--latent", "--latnet", "--latnet"),
         ("vibes-train encode {run} coins", "vibes-train sweep plan.toml", "a sweep inside a sweep"),
         ("{seed}", "{sed}", "no stage uses the setting seed"),
+        ("--preset tiny", "--preset tinny", "no preset `tinny`"),
+        ("--batch 2", "--batch 2 --objective nonsense", "no objective `nonsense`"),
+        ("--batch 2", "--batch 2 --objective no-adversary --clip none", "--clip has no effect"),
+        ("--batch 2", "--batch 0", "--batch is 0"),
+        ("offline coins --preset tiny", "online --task known-slide --preset tinny", "no preset `tinny`"),
     ] {
         let text = PLAN.replace("UPDATES", "2").replace(find, put);
         std::fs::write(folder.join("bad.toml"), text).unwrap();
@@ -279,6 +284,31 @@ fn a_stage_that_could_not_be_read_is_refused_before_anything_runs() {
     }
     assert!(said(folder, "sweep plan.toml --index slurm", 2).contains("SLURM_ARRAY_TASK_ID"));
     assert!(said(folder, "sweep plan.toml --index 4", 2).contains("0 to 3"));
+}
+
+/// What a stage waits for is said once, in the table too, and its command line is not said again whenever it is tried.
+#[test]
+fn a_stage_whose_folder_is_busy_says_once_what_it_waits_for() {
+    let folder = folder(2);
+    let folder = folder.path();
+    let text =
+        PLAN.replace("UPDATES", "2").replace("-o {run}", "-o {run}/own").replace("encode {run}", "encode {run}/own");
+    std::fs::write(folder.join("plan.toml"), text).unwrap();
+    let busy = folder.join("runs/sweep/latent=4,seed=0/own");
+    let lock = vibes_data::FolderLock::acquire(&busy).unwrap();
+    let mut sweep =
+        command(folder, "sweep plan.toml --index 0").stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let table = || said(folder, "sweep plan.toml --status", 0);
+    wait_for(&mut sweep, || table().contains("; waiting: "));
+    assert!(table().contains("is writing here") && states(folder)[0] == "running", "{}", table());
+    // Long enough for the stage to be tried again.
+    std::thread::sleep(Duration::from_millis(1500));
+    drop(lock);
+    let output = sweep.wait_with_output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{told}");
+    assert_eq!((told.matches("waiting: ").count(), told.matches("vibes-train offline ").count()), (1, 1), "{told}");
+    assert!(states(folder)[0] == "done" && !table().contains("waiting: "), "{}", table());
 }
 
 /// Writes an executable script.

@@ -177,10 +177,12 @@ impl MapOptions {
                 path.display()
             )));
         }
+        // Before they are moved: whether they are placed on an old map or not, every verb knows them by what the file holds.
+        let latents = checksum(&session.latents);
         if let Some(old) = &old {
             session.move_to(&old.origin);
         }
-        let recipe = Recipe::new(self, session, old.as_ref());
+        let recipe = Recipe::new(self, session, &latents, old.as_ref());
         let (made, recipe) = match There::at(&path, &recipe, session) {
             There::Same(map) => {
                 say(globals, format_args!("map: {} is still right and used again", path.display()));

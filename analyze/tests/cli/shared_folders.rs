@@ -96,3 +96,32 @@ fn new_latents_are_placed_on_a_map_of_some_rows() {
     let place = options["onto_latents"].as_str().expect("the old latents").to_owned();
     assert!(place.ends_with("runs/discs/latents.arrow") && Path::new(&place).is_relative(), "{place}");
 }
+
+/// Latents in double precision, as close together as this and as far from the origin.
+fn far_latents(fixture: &Fixture, name: &str, from: f64) {
+    let line = |row: u32| {
+        let x = from + 1e-7 * f64::from(row * 37 % 41);
+        format!("{},{},{x},{}\n", row / 20, row % 20, -x)
+    };
+    let lines: String = (0..40).map(line).collect();
+    std::fs::write(fixture.path().join(name), format!("episode,step,latent_0,latent_1\n{lines}")).expect("CSV");
+}
+
+/// To be placed on an old map they are moved, and are the same latents all the same.
+#[test]
+fn latents_that_were_moved_onto_an_old_map_are_known_by_the_verbs_that_follow() {
+    let fixture = Fixture::grid(2, 2, 6);
+    far_latents(&fixture, "first.csv", 1000.0);
+    far_latents(&fixture, "later.csv", 1_000.000_005);
+    good(fixture.path(), &["umap", "first.csv", "-o", "old"]);
+    let words = ["umap", "later.csv", "--onto", "old/map.arrow"];
+    assert!(shared(&fixture, &words).contains("were put about the origin of the others"));
+    let map = || std::fs::read(fixture.path().join("shared/map.arrow")).expect("map");
+    let placed = map();
+    assert!(shared(&fixture, &words).contains("still right"));
+    let said = shared(&fixture, &["clusters", "later.csv"]);
+    assert!(said.contains("is drawn on, which has onto another") && !said.contains("replaced"), "{said}");
+    assert_eq!(map(), placed, "clusters replaced the map");
+    let said = shared(&fixture, &["umap", "later.csv"]);
+    assert!(said.contains("made with other options was there and was replaced"), "{said}");
+}

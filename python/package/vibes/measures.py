@@ -224,7 +224,8 @@ def probes(
 
     Returns:
         For each quantity and probe: ``quantity``, ``probe`` (linear, knn), ``fitting`` (other_recordings, cross_validation), ``measure``,
-        ``score`` and ``shuffled`` with intervals, ``chance``, ``groups``.
+        ``score`` and ``shuffled`` with intervals, ``chance``, ``groups``. What is shuffled goes from cell to cell where states are held out, as with
+        ``vibes-analyze probe --target``, since a column may be the distractors'.
     """
     hold_out = dict(hold_out or {})
     if unknown := set(hold_out) - set(quantities):

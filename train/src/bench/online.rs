@@ -154,7 +154,7 @@ fn acting(agent: &Agent, pixels: &[u8], sizes: Sizes, repeats: usize) -> Result<
 
 /// An episode as the actor's thread lives through it, milliseconds a step; the first, which opens the renderer, is not counted.
 fn living(agent: &Agent, online: &OnlineOptions) -> Result<f64> {
-    let libraries = [online.world.video_library(VideoSet::Train)?, online.world.video_library(VideoSet::Val)?];
+    let libraries = online.world.libraries()?;
     let folder = scratch("acting");
     forget(&folder);
     let manifest = online.world.manifest(0, libraries[0].videos(), &folder)?;

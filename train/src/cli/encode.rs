@@ -3,7 +3,7 @@
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use clap::Args;
 use indicatif::ProgressBar;
 use vibes_data::Recording;
@@ -37,8 +37,9 @@ pub(crate) fn run(context: &Context, args: &EncodeArgs) -> Result<()> {
     };
     let folder = if args.run.is_file() { args.run.parent().unwrap_or(Path::new("")) } else { &args.run };
     let output = args.output.clone().unwrap_or_else(|| folder.join("latents.arrow"));
-    check_arrow_place(&output)?;
     let recording = Recording::open(&args.recording)?;
+    make_room(&output)?;
+    check_arrow_place(&output)?;
     let rows: u64 = recording.episodes().iter().map(|episode| u64::from(episode.steps) + 1).sum();
     let bar =
         if context.quiet || !std::io::stderr().is_terminal() { ProgressBar::hidden() } else { ProgressBar::new(rows) };
@@ -51,6 +52,12 @@ pub(crate) fn run(context: &Context, args: &EncodeArgs) -> Result<()> {
     bar.finish_and_clear();
     report(context, rows, encoder.latent(), &checkpoint, &output);
     Ok(())
+}
+
+/// Makes the folder that a file is to be written into, as the other programs do.
+pub(super) fn make_room(output: &Path) -> Result<()> {
+    let folder = output.parent().unwrap_or(Path::new(""));
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))
 }
 
 fn report(context: &Context, rows: u64, dims: usize, checkpoint: &Path, output: &Path) {

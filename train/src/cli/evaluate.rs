@@ -1,26 +1,30 @@
 //! `vibes-train evaluate`: how good a run's latents are on a held-out grid.
 
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result};
 use clap::Args;
 use vibes_command::Given;
 use vibes_data::{Recording, relative_place, write_atomically};
 use vibes_measure::episodes::PROBE_EPISODES;
-use vibes_measure::intervals::Interval;
-use vibes_measure::numbers::{Number, probe_family};
-use vibes_measure::probes::{Fitting, Probe};
 use vibes_model::trained::Trained;
 use vibes_train::TrainError;
 use vibes_train::evaluate::{
-    EvaluateOptions, GapOptions, Gaps, GridSize, Likelihoods, Report, check_gaps, evaluate, gaps, is_new_to,
-    shared_starts,
+    EvaluateOptions, GapOptions, GridVideos, Took, are_videos_new_to, check_gaps, evaluate, gaps, is_new_to,
+    shared_starts, videos_of,
 };
 use vibes_train::run::Seen;
 use vibes_train::trained::TrainedRun;
 
+use self::print::{print_gaps, print_report};
 use super::device::DeviceArgs;
+use super::encode::make_room;
 use super::{Context, check_place};
+
+mod print;
+
+pub(super) use self::print::gap_note;
 
 #[derive(Debug, Args)]
 pub(crate) struct EvaluateArgs {
@@ -106,6 +110,7 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     let gap_updates = args.affordable_gaps(context, &run, &training)?;
     let output = args.output.clone().unwrap_or_else(|| run.places().path().join("evaluation.json"));
     let folder = output.parent().unwrap_or(Path::new(""));
+    make_room(&output)?;
     check_place(&output)?;
     let device = args.device.open()?;
     let (trained, checkpoint) = run.load(&device)?;
@@ -125,7 +130,13 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
         seen.recordings.extend_from_slice(training.as_deref().unwrap_or_default());
     }
     let is_held_out = tell_held_out(context, &grid, &seen);
+    let videos_are_held_out = are_videos_new_to(&grid, &seen);
+    if !context.quiet {
+        eprintln!("evaluating on {}", args.grid.display());
+    }
+    let begun = Instant::now();
     let report = evaluate(trained.encoder(), &grid, to_fit, options, &device)?;
+    let before_gaps = begun.elapsed();
     let gaps = match (gap_updates, &run, &trained) {
         (updates @ 1.., TrainedRun::World(run), Trained::World(model)) => {
             let training = training?;
@@ -133,9 +144,14 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
         }
         _ => None,
     };
+    let all = begun.elapsed();
+    let took = Took { all, critic: if gaps.is_some() { all - before_gaps } else { Duration::ZERO } };
     let run = run.places();
     let place = |path: &Path| relative_place(path, folder);
-    let numbers = serde_json::json!({ "run": place(run.path()), "checkpoint": place(&checkpoint), "grid": place(&args.grid), "is_held_out": is_held_out, "fit_on": args.fit_on.iter().map(|path| place(path)).collect::<Vec<_>>(), "gap_updates": if gaps.is_some() { gap_updates } else { 0 }, "report": report, "gaps": gaps });
+    let mut numbers = serde_json::json!({ "run": place(run.path()), "checkpoint": place(&checkpoint), "grid": place(&args.grid), "is_held_out": is_held_out, "fit_on": args.fit_on.iter().map(|path| place(path)).collect::<Vec<_>>(), "gap_updates": if gaps.is_some() { gap_updates } else { 0 }, "report": report, "gaps": gaps });
+    if let Some(known) = videos_are_held_out {
+        numbers["videos_are_held_out"] = known.into();
+    }
     let text = serde_json::to_string_pretty(&numbers)? + "\n";
     write_atomically(&output, text.as_bytes()).context("cannot write the evaluation")?;
     if context.json {
@@ -145,7 +161,7 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
         if let Some(gaps) = &gaps {
             print_gaps(gaps);
         }
-        println!("written: {}", output.display());
+        println!("written after {}: {}", took.in_words(), output.display());
     }
     Ok(())
 }
@@ -165,109 +181,45 @@ pub(crate) fn tell_held_out(context: &Context, grid: &Recording, seen: &Seen) ->
             "note: {shared} of the grid's {all} state trajectories begin where an episode that is trained or fitted on began (the same seed); record it with another --seed for new states"
         );
     }
+    let videos = videos_of(grid, &seen.recordings);
+    if let Some(note) = video_note(&videos, shared > 0).filter(|_| is_new != Some(false) && !context.quiet) {
+        eprintln!("{note}");
+    }
     is_new
 }
 
-fn print_report(report: &Report) {
-    let GridSize { states, distractors, steps, dropped } = &report.grid;
-    let remarks = dropped.remarks();
-    if !remarks.is_empty() {
-        remarks.iter().for_each(|remark| println!("{remark}"));
-        println!("shares and retrieval are of {states} × {distractors} trajectories of {steps} steps");
+/// What is to be known of a grid whose background videos, or some of them, were trained on.
+fn video_note(GridVideos { all, known }: &GridVideos, are_states_known: bool) -> Option<String> {
+    const NAMED: usize = 3;
+    if known.is_empty() {
+        return None;
     }
-    println!("{:<52} {:>24} {:>13} {:>7}", "number", "latents [95% interval]", "past actions", "chance");
-    let is_probe = |number: &&Number| number.name.starts_with("probe");
-    report.numbers.iter().filter(|number| !is_probe(number)).for_each(|number| print_number(&number.name, number));
-    for fitting in [Fitting::OtherRecordings, Fitting::CrossValidation] {
-        print_probes(report, fitting);
-    }
-    if !report.left_out.is_empty() {
-        let names = report.left_out.join(", ");
-        println!(
-            "not read, since the recordings to fit on do not name them (--probe-episodes 0 fits on the grid itself): {names}"
-        );
-    }
+    let names: Vec<&str> = known.iter().take(NAMED).map(|video| video.name.as_str()).collect();
+    let names = names.join(", ") + if known.len() > NAMED { ", …" } else { "" };
+    let is_all = known.len() == *all;
+    let which = if is_all { format!("the grid's {all}") } else { format!("{} of the grid's {all}", known.len()) };
+    let states = if is_all && !are_states_known { "; only its states are new" } else { "" };
+    // Those of the held-out set can be trained on too, and then others help.
+    let is_train = known.iter().all(|video| video.set == "train");
+    let hint = if is_train { "; for new ones record with --video-set val" } else { "" };
+    Some(format!("note: {which} background videos ({names}) are among those trained on{states}{hint}"))
 }
 
-/// What linear probes that were fitted in one way read; nothing if none was.
-fn print_probes(report: &Report, fitting: Fitting) {
-    let family = probe_family(Probe::Linear, fitting);
-    let own = |number: &Number| Some(number.name.strip_prefix(family)?.strip_prefix('/')?.to_owned());
-    let linear: Vec<(String, &Number)> =
-        report.numbers.iter().filter_map(|number| Some((own(number)?, number))).collect();
-    if linear.is_empty() {
-        return;
-    }
-    let on = match (fitting, report.fitted_on) {
-        (Fitting::OtherRecordings, Some(episodes)) => format!("fitted on {episodes} episodes"),
-        _ => "cross-validated over the grid's own trajectories".to_owned(),
-    };
-    println!("{family}/…: read by linear probes {on} (R²; of classes such as the video accuracy):");
-    let (colors, single): (Vec<_>, Vec<_>) = linear.into_iter().partition(|(name, _)| is_color(name));
-    for (name, number) in single {
-        let quantity = name.rsplit_once('/').map_or(name.as_str(), |(quantity, _)| quantity);
-        print_number(&format!("{}: {name}", report.quantities.get(quantity).unwrap_or(&"")), number);
-    }
-    // Of each vector by itself, as everywhere else.
-    let vector = |name: &str| name.rsplit_once('/').map_or(String::new(), |(_, vector)| vector.to_owned());
-    let mut vectors: Vec<String> = colors.iter().map(|(name, _)| vector(name)).collect();
-    vectors.sort();
-    vectors.dedup();
-    for of in vectors {
-        let colors: Vec<_> = colors.iter().filter(|(name, _)| vector(name) == of).collect();
-        let mean = |of: &dyn Fn(&Number) -> f64| {
-            colors.iter().map(|(_, number)| of(number)).sum::<f64>() / colors.len() as f64
-        };
-        let actions = |number: &Number| number.past_actions.map_or(f64::NAN, |actions| actions.estimate);
-        let name = format!("distractor: colours, mean of {}/{of}", colors.len());
-        println!(
-            "{name:<52} {:>24.3} {:>13.3} {:>7.3}",
-            mean(&|n| n.value.estimate),
-            mean(&actions),
-            mean(&|n| n.chance)
-        );
-    }
-}
+#[cfg(test)]
+mod tests {
+    use vibes_data::Video;
 
-/// Whether a probe is of one of the many channels of the materials' colours.
-fn is_color(name: &str) -> bool {
-    let quantity = name.rsplit_once('/').map_or(name, |(quantity, _)| quantity);
-    [" red", " green", " blue"].iter().any(|channel| quantity.ends_with(channel))
-}
+    use super::*;
 
-fn print_number(name: &str, number: &Number) {
-    let text = bounded(number.value);
-    let actions = number.past_actions.map_or_else(String::new, |actions| format!("{:.3}", actions.estimate));
-    let chance = if number.chance.is_finite() { format!("{:.3}", number.chance) } else { String::new() };
-    println!("{name:<52} {text:>24} {actions:>13} {chance:>7}");
-}
-
-fn print_gaps(gaps: &Gaps) {
-    println!(
-        "gaps to a bisimulation, nats a row [95% interval]: a fresh critic that sees everything, minus heads refitted on (h, s, a)"
-    );
-    println!("{:<10} {:>24} {:>24} {:>10} {:>10} {:>10}", "", "held out", "training", "critic", "refitted", "model");
-    let line = |name: &str, held_out: &Likelihoods, training: &Likelihoods| {
-        let Likelihoods { model, refitted, critic, .. } = held_out;
-        println!(
-            "{name:<10} {:>24} {:>24} {critic:>10.3} {refitted:>10.3} {model:>10.3}",
-            bounded(held_out.gap),
-            bounded(training.gap)
-        );
-    };
-    line("dynamics", &gaps.held_out.dynamics, &gaps.training.dynamics);
-    line("reward", &gaps.held_out.reward, &gaps.training.reward);
-    println!(
-        "after half of the critic's updates, held out: dynamics {:+.3}, reward {:+.3}",
-        gaps.half_way.dynamics.gap.estimate, gaps.half_way.reward.gap.estimate
-    );
-}
-
-/// A number with its interval, if it has one.
-fn bounded(value: Interval) -> String {
-    if value.low.is_finite() {
-        format!("{:.3} [{:.3}, {:.3}]", value.estimate, value.low, value.high)
-    } else {
-        format!("{:.3}", value.estimate)
+    #[test]
+    fn a_grid_whose_videos_were_trained_on_is_told() {
+        let video = |at: u32, set: &str| Video { name: format!("leaves-{at:03}"), set: set.to_owned(), frames: 8 };
+        let of = |known: u32, set: &str| GridVideos { all: 4, known: (0..known).map(|at| video(at, set)).collect() };
+        assert_eq!(video_note(&of(0, "train"), false), None);
+        let said = video_note(&of(4, "train"), false).unwrap();
+        let expected = "note: the grid's 4 background videos (leaves-000, leaves-001, leaves-002, …) are among those trained on; only its states are new; for new ones record with --video-set val";
+        assert_eq!(said, expected);
+        let said = video_note(&of(1, "val"), false).unwrap();
+        assert_eq!(said, "note: 1 of the grid's 4 background videos (leaves-000) are among those trained on");
     }
 }

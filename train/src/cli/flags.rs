@@ -228,5 +228,6 @@ fn objectives() -> String {
 
 /// The help of `--preset`.
 fn presets() -> String {
-    format!("Sizes and rates to start from: {}", PRESETS.map(|(name, _)| name).join(", "))
+    let names = PRESETS.map(|(name, _)| name).join(", ");
+    format!("Sizes and rates to start from: {names}; online also a system without a world model, such as sac-rad")
 }

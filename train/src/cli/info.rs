@@ -4,11 +4,12 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
-use vibes_data::Metrics;
+use vibes_data::{GivenFrom, Metrics};
 use vibes_train::metrics::{Row, rows_of};
 use vibes_train::online::model_free::folder::Folder;
 use vibes_train::online::options::OnlineOptions;
 use vibes_train::run::Run;
+use vibes_train::summary::given_in_words;
 use vibes_train::trained::TrainedRun;
 
 use super::Context;
@@ -29,14 +30,16 @@ pub(crate) fn run(context: &Context, args: &InfoArgs) -> Result<()> {
 
 fn of_world_model(context: &Context, run: &Run) -> Result<()> {
     let metrics = Metrics::read(&run.metrics_path())?;
-    let control_steps = metrics.last("control_steps");
+    let [control_steps, episodes, training_return] =
+        ["control_steps", "episodes", "training_return"].map(|name| metrics.last(name));
     let rows = rows_of(metrics, &run.metrics_path())?;
+    let evaluation = Metrics::read(&run.evaluations_path())?.lines.pop().map(serde_json::Value::Object);
     let (checkpoints, online) = (run.checkpoints(), OnlineOptions::read(run.path())?);
     if context.json {
         let last = rows.last();
         println!(
             "{}",
-            serde_json::json!({ "run": run.path(), "info": run.info(), "online": online, "checkpoints": checkpoints, "last": last })
+            serde_json::json!({ "run": run.path(), "info": run.info(), "online": online, "checkpoints": checkpoints, "last": last, "control_steps": control_steps, "episodes": episodes, "training_return": training_return, "evaluation": evaluation, "goes_on_from": goes_on_from(last, &checkpoints) })
         );
         return Ok(());
     }
@@ -57,10 +60,57 @@ fn of_world_model(context: &Context, run: &Run) -> Result<()> {
     if let Some(online) = &online {
         print_online(online);
     }
+    if let Some(given) = began_with(run) {
+        println!("  began with   {given}");
+    }
     if let Some(last) = rows.last() {
         print_row(last, options.updates, control_steps);
     }
+    if let Some(online) = &online {
+        print_lived(online, [control_steps, episodes, training_return]);
+    }
+    if let Some(evaluation) = &evaluation {
+        print_evaluation(evaluation);
+    }
+    if let Some(checkpoint) = goes_on_from(rows.last(), &checkpoints) {
+        println!("  goes on      from checkpoint {checkpoint}: the updates after it are not saved");
+    }
     Ok(())
+}
+
+/// The checkpoint that a run goes on from which has made more updates than it saved, as where it was killed or is at work; 0 is its beginning.
+fn goes_on_from(last: Option<&Row>, checkpoints: &[u64]) -> Option<u64> {
+    let newest = checkpoints.last().copied().unwrap_or(0);
+    last.filter(|last| last.update > newest).map(|_beyond| newest)
+}
+
+/// How far an online run has come.
+fn print_lived(options: &OnlineOptions, [control_steps, episodes, training_return]: [Option<f64>; 3]) {
+    let (steps, episodes) = (control_steps.unwrap_or(0.0), episodes.unwrap_or(0.0));
+    println!("  lived        {steps:.0} of {} control steps, {episodes:.0} episodes", options.control_steps);
+    if let Some(last) = training_return {
+        println!("  return       {last:.1} of its last own episode, exploration included");
+    }
+}
+
+/// The last evaluation: of whole episodes online, of a grid offline.
+fn print_evaluation(line: &serde_json::Value) {
+    if let Some(mean) = line["held_out"]["mean_return"].as_f64() {
+        let after =
+            line["control_steps"].as_u64().map_or_else(String::new, |steps| format!(", after {steps} control steps"));
+        println!("  evaluation   mean return{} {mean:.1}{after}", on_videos(line));
+    } else if let Some(update) = line["update"].as_u64() {
+        let number = |name: &str| Some(format!("{name} {:.2}", line["numbers"][name]["estimate"].as_f64()?));
+        let told: Vec<String> =
+            ["retrieval_same_step@1", "state_share", "distractor_share"].into_iter().filter_map(number).collect();
+        println!("  evaluation   after {update} updates: {}", told.join(", "));
+    }
+}
+
+/// What a kept copy says of its beginning in `run.json`, in words.
+fn began_with(run: &Run) -> Option<String> {
+    let start = run.info().began_with?;
+    Some(given_in_words(start.given_control_steps?, start.given_from == GivenFrom::RunFile))
 }
 
 fn print_online(options: &OnlineOptions) {
@@ -126,4 +176,18 @@ fn print_row(row: &Row, updates: u64, control_steps: Option<f64>) {
         row.dynamics_log_likelihood, row.batch_effective_rank
     );
     println!("  reward       log-likelihood {:.3} nats", row.reward_log_likelihood);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_that_made_more_updates_than_it_saved_goes_on_from_its_checkpoint() {
+        let row = |update: u64| Row { update, ..Row::default() };
+        assert_eq!(goes_on_from(Some(&row(340)), &[100, 200]), Some(200));
+        assert_eq!(goes_on_from(Some(&row(200)), &[100, 200]), None);
+        assert_eq!(goes_on_from(Some(&row(20)), &[]), Some(0));
+        assert_eq!(goes_on_from(None, &[]), None);
+    }
 }

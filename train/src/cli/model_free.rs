@@ -14,13 +14,13 @@ use vibes_train::learners::recurrent::options::RecurrentOptions;
 use vibes_train::learners::sac::augment::Augment;
 use vibes_train::learners::sac::options::{Auxiliary, SacOptions, Size};
 use vibes_train::online::model_free::folder::{FORMAT, Folder, ModelFreeOptions};
-use vibes_train::online::model_free::{Event, Line, model_free};
+use vibes_train::online::model_free::{Event, Line, model_free_under};
 use vibes_train::online::options::OnlineOptions;
 
 use super::Context;
 use super::device::DeviceArgs;
 use super::online_progress::{ended_under, on, protocol_of, under};
-use super::videos::make_videos;
+use super::videos::open_videos;
 
 /// Time between lines.
 const EVERY: Duration = Duration::from_secs(15);
@@ -216,9 +216,9 @@ pub(crate) fn run(context: &Context, folder: &Folder, device: DeviceArgs) -> Res
         under(&options.online),
         options.updates_per_step
     ));
-    make_videos(context, &options.online.world, stop)?;
+    let videos = open_videos(context, &options.online.world, stop)?;
     let mut said: Option<Instant> = None;
-    let end = model_free(folder, &device, &mut |event| {
+    let end = model_free_under(videos, folder, &device, &mut |event| {
         match &event {
             Event::Start { control_steps: 0 } | Event::Update | Event::Admitted | Event::Judged => {}
             Event::Start { control_steps } => say(&format!("going on after {control_steps} control steps")),

@@ -29,7 +29,7 @@ pub(crate) struct OfflineArgs {
     /// The run folder [default: runs/RECORDING-OBJECTIVE].
     #[arg(short, long, value_name = "RUN")]
     output: Option<PathBuf>,
-    /// Go on from the newest checkpoint of another run, of the same task, sizes and objective: its weights, the optimisers' moments, and how far its schedules had come.
+    /// Go on from the newest checkpoint of another run, of the same task and sizes and of an objective with the same networks: its weights, the optimisers' moments, and how far its schedules had come.
     #[arg(long, value_name = "RUN")]
     from: Option<PathBuf>,
     /// A held-out grid to evaluate the latents on while training.
@@ -50,13 +50,21 @@ pub(crate) struct OfflineArgs {
     device: DeviceArgs,
 }
 
-pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
-    let options = args.options.resolve()?;
-    if args.from.is_some() {
-        // The model that is gone on with has its unit of reward and its first scales.
-        let settled = ["reward_scale", "reward_floor", "calibrate"];
-        refuse(&args.given, settled, "with --from: the run that is gone on from has it settled")?;
+impl OfflineArgs {
+    /// The options that are asked for, all of which have an effect: to be known before any file is looked at.
+    pub(crate) fn resolve(&self) -> Result<Options> {
+        let options = self.options.resolve()?;
+        if self.from.is_some() {
+            // The model that is gone on with has its unit of reward and its first scales.
+            let settled = ["reward_scale", "reward_floor", "calibrate"];
+            refuse(&self.given, settled, "with --from: the run that is gone on from has it settled")?;
+        }
+        Ok(options)
     }
+}
+
+pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
+    let options = args.resolve()?;
     let recordings = args.recordings.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>()?;
     let output = args.output.unwrap_or_else(|| default_run(&args.recordings[0], options.objective.name()));
     let held_out = args.eval.as_ref().map(|path| Recording::open(path)).transpose()?;

@@ -16,7 +16,7 @@ use vibes_train::online::model_free::folder::Folder;
 use vibes_train::online::options::{OnlineOptions, WorldOptions};
 use vibes_train::online::prepare::{self, Prepared};
 use vibes_train::online::protocol::Protocol;
-use vibes_train::online::{Setup, online};
+use vibes_train::online::{Setup, online_under};
 use vibes_train::options::Options;
 use vibes_train::run::Run;
 
@@ -27,7 +27,7 @@ use super::device::DeviceArgs;
 use super::flags::OptionArgs;
 use super::model_free::{self, ModelFreeArgs};
 use super::online_progress::{OnlineProgress, ended_under, on_videos, protocol_of};
-use super::videos::make_videos;
+use super::videos::open_videos;
 
 /// Where to begin.
 #[derive(Debug, Args)]
@@ -199,9 +199,9 @@ pub(crate) fn run(context: &Context, args: &OnlineArgs) -> Result<Ending> {
     let mut progress = OnlineProgress::new(context, &prepared.options);
     progress.describe(&prepared);
     let Prepared { run, options, given } = &prepared;
-    make_videos(context, &options.world, stop)?;
+    let videos = open_videos(context, &options.world, stop)?;
     let setup = Setup { run, options, given, device: &device };
-    let end = online(&setup, &mut |event| {
+    let end = online_under(videos, &setup, &mut |event| {
         progress.show(&event);
         if stop.load(std::sync::atomic::Ordering::Relaxed) { Go::Stop } else { Go::On }
     })?;
@@ -240,7 +240,16 @@ fn report(context: &Context, run: &Run, options: &OnlineOptions, end: End) -> Re
         End::Stopped if run.checkpoints().is_empty() => {
             println!("stopped before anything was learned{under}; the same command begins anew: {path}");
         }
-        End::Stopped => println!("stopped and saved{text}; the same command goes on from there: {path}"),
+        End::Stopped => {
+            let lived = Metrics::read(&run.metrics_path())?.last("control_steps").unwrap_or(0.0);
+            let after = last.as_ref().and_then(|line| line["control_steps"].as_u64());
+            let judged = after.zip(found).map_or(String::new(), |(after, mean)| {
+                format!("; mean return{on} {mean:.1} when it was last evaluated, after {after} control steps")
+            });
+            println!(
+                "stopped and saved after {lived:.0} control steps{under}{judged}; the same command goes on from there: {path}"
+            );
+        }
     }
     Ok(())
 }

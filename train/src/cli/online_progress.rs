@@ -3,14 +3,18 @@
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use vibes_train::online::evaluate::Evaluation;
 use vibes_train::online::options::OnlineOptions;
 use vibes_train::online::prepare::Prepared;
 use vibes_train::online::{Event, Line};
 
+use self::first::First;
 use super::Context;
+use super::progress::bar::{bar, begin_at};
 use super::progress::other_steps;
+
+mod first;
 
 /// Time between plain lines.
 const PLAIN_EVERY: Duration = Duration::from_secs(15);
@@ -19,6 +23,8 @@ pub(crate) struct OnlineProgress {
     is_quiet: bool,
     is_verbose: bool,
     control_steps: u64,
+    /// The updates before the next episode, of which the clock of control steps knows nothing.
+    first: First,
     bar: Option<ProgressBar>,
     said: Option<Instant>,
 }
@@ -26,17 +32,15 @@ pub(crate) struct OnlineProgress {
 impl OnlineProgress {
     pub(crate) fn new(context: &Context, options: &OnlineOptions) -> Self {
         let is_terminal = std::io::stderr().is_terminal() && !context.quiet;
-        let bar = is_terminal.then(|| {
-            let template = "{elapsed} {wide_bar} {pos}/{len} control steps, {per_sec}, {eta} left\n{msg}";
-            let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
-            ProgressBar::new(options.control_steps).with_style(style)
-        });
+        let bar = is_terminal.then(|| bar(options.control_steps, "control steps"));
         let (is_quiet, is_verbose) = (context.quiet, context.verbose);
-        Self { is_quiet, is_verbose, control_steps: options.control_steps, bar, said: None }
+        let first = First::of(options);
+        Self { is_quiet, is_verbose, control_steps: options.control_steps, first, bar, said: None }
     }
 
     /// What is about to be trained, in what.
-    pub(crate) fn describe(&self, prepared: &Prepared) {
+    pub(crate) fn describe(&mut self, prepared: &Prepared) {
+        self.first.go_on(&prepared.run);
         let (info, options) = (prepared.run.info(), &prepared.options);
         let given = match prepared.given.len() {
             0 => String::new(),
@@ -72,11 +76,20 @@ impl OnlineProgress {
     pub(crate) fn show(&mut self, event: &Event<'_>) {
         match event {
             Event::Start { control_steps: 0 } | Event::Update | Event::Judged => {}
-            Event::Start { control_steps } => self.say(&format!("going on after {control_steps} control steps")),
+            Event::Start { control_steps } => {
+                self.begin_bar(*control_steps);
+                self.say(&format!("going on after {control_steps} control steps"));
+            }
             Event::Lived { control_steps, .. } => {
                 if let Some(bar) = &self.bar {
                     bar.set_position(*control_steps);
                 }
+            }
+            Event::Reset { control_steps, updates } => {
+                self.first.reset(*updates);
+                self.say(&format!(
+                    "world model, actor and critic begin anew after {control_steps} control steps, with {updates} updates before the next episode"
+                ));
             }
             Event::Metrics(line) => self.metrics(line),
             Event::Evaluated(evaluation) => self.say(&evaluated(evaluation)),
@@ -92,12 +105,23 @@ impl OnlineProgress {
     }
 
     fn metrics(&mut self, line: &Line) {
-        let text = summary(line);
+        let first = self.first.after(line);
+        if first.is_some() {
+            // Random episodes, and these updates, say nothing of how long the actor's take.
+            self.begin_bar(line.control_steps);
+        }
+        let text = first.map_or_else(|| summary(line), |first| first + &learned(line));
         if let Some(bar) = &self.bar {
             bar.set_message(text);
         } else if self.is_verbose || self.said.is_none_or(|said| said.elapsed() >= PLAIN_EVERY) {
             self.said = Some(Instant::now());
             self.say(&format!("{} of {} control steps: {text}", line.control_steps, self.control_steps));
+        }
+    }
+
+    fn begin_bar(&self, control_steps: u64) {
+        if let Some(bar) = &self.bar {
+            begin_at(bar, control_steps);
         }
     }
 
@@ -150,7 +174,12 @@ fn summary(line: &Line) -> String {
     let returned = line.training_return.map_or(String::new(), |returned| format!(", return {returned:.1}"));
     let pace =
         line.pace.map_or(String::new(), |pace| format!(", {:.0} control steps/s", pace.control_steps_per_second));
-    let learned = line.learned.as_ref().map_or(String::new(), |learned| {
+    format!("{} agent steps{pace}{returned}{}", line.agent_steps, learned(line))
+}
+
+/// What was learned, behind what else is said of a line.
+fn learned(line: &Line) -> String {
+    line.learned.as_ref().map_or(String::new(), |learned| {
         format!(
             ", imagined {:.1}, value/bound {:.2}, entropy {:.2}, dynamics {:.1}, reward {:.2}, rank {:.1}",
             learned.imagined_return,
@@ -160,8 +189,7 @@ fn summary(line: &Line) -> String {
             learned.world.reward_log_likelihood,
             learned.world.batch_effective_rank,
         )
-    });
-    format!("{} agent steps{pace}{returned}{learned}", line.agent_steps)
+    })
 }
 
 fn evaluated(evaluation: &Evaluation) -> String {

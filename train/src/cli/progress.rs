@@ -3,13 +3,18 @@
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
+use vibes_train::evaluate::Took;
 use vibes_train::fit::{Evaluation, Event};
 use vibes_train::metrics::Row;
 use vibes_train::options::Options;
 use vibes_train::run::Run;
 
+use self::bar::{bar, begin_at};
 use super::Context;
+use super::evaluate::gap_note;
+
+pub(super) mod bar;
 
 /// Time between plain lines.
 const PLAIN_EVERY: Duration = Duration::from_secs(15);
@@ -40,19 +45,22 @@ pub(crate) struct Progress {
     minutes: f64,
     updates: u64,
     bar: Option<ProgressBar>,
+    /// Whether the bar has been set to where training began.
+    has_begun: bool,
     told: Option<Instant>,
 }
 
 impl Progress {
     pub(crate) fn new(context: &Context, options: &Options) -> Self {
         let terminal = std::io::stderr().is_terminal() && !context.quiet;
-        let bar = terminal.then(|| bar(options));
+        let bar = terminal.then(|| bar_of(options));
         Self {
             quiet: context.quiet,
             verbose: context.verbose,
             minutes: options.minutes,
             updates: options.updates,
             bar,
+            has_begun: false,
             told: None,
         }
     }
@@ -83,7 +91,8 @@ impl Progress {
             Event::Start { update } => self.say(&format!("going on after {update} updates")),
             Event::Update { update, seconds } => self.move_bar(*update, *seconds),
             Event::Metrics(row) => self.metrics(row),
-            Event::Evaluated(evaluation) => self.say(&held_out(evaluation)),
+            Event::Evaluating { grid } => self.say(&format!("evaluating on {}", grid.display())),
+            Event::Evaluated { evaluation, took } => self.evaluated(evaluation, *took),
             Event::Saved { update } if self.verbose => self.say(&format!("saved checkpoint {update}")),
             Event::Saved { .. } => {}
         }
@@ -95,9 +104,23 @@ impl Progress {
         }
     }
 
-    fn move_bar(&self, update: u64, seconds: f64) {
-        if let Some(bar) = &self.bar {
-            bar.set_position(if self.minutes > 0.0 { seconds as u64 } else { update });
+    fn move_bar(&mut self, update: u64, seconds: f64) {
+        let Some(bar) = &self.bar else { return };
+        let position = if self.minutes > 0.0 { seconds as u64 } else { update };
+        if self.has_begun {
+            bar.set_position(position);
+        } else {
+            // The first update of this process, which may go on with another's.
+            begin_at(bar, position);
+            self.has_begun = true;
+        }
+    }
+
+    fn evaluated(&self, evaluation: &Evaluation, took: Took) {
+        self.say(&format!("{}; took {}", held_out(evaluation), took.in_words()));
+        let note = evaluation.gaps.as_ref().and_then(|gaps| gap_note([gaps.dynamics_gap, gaps.reward_gap]));
+        if let Some(note) = note {
+            self.say(note);
         }
     }
 
@@ -138,13 +161,15 @@ fn held_out(evaluation: &Evaluation) -> String {
     });
     let numbers = &evaluation.report.numbers;
     let told = TOLD.iter().filter_map(|name| Some(format!("{name} {:.2}", numbers.get(name)?.value.estimate)));
-    format!("held-out grid: {}{gaps}", told.collect::<Vec<_>>().join(", "))
+    let grid = match (evaluation.is_held_out, evaluation.videos_are_held_out) {
+        (Some(false), _) => "grid that was trained on",
+        (_, Some(false)) => "held-out grid (its videos were trained under)",
+        _ => "held-out grid",
+    };
+    format!("{grid}: {}{gaps}", told.collect::<Vec<_>>().join(", "))
 }
 
-fn bar(options: &Options) -> ProgressBar {
-    let (length, unit) =
-        if options.minutes > 0.0 { ((options.minutes * 60.0) as u64, "s") } else { (options.updates, "updates") };
-    let template = format!("{{elapsed}} {{wide_bar}} {{pos}}/{{len}} {unit}, {{per_sec}}, {{eta}} left\n{{msg}}");
-    let style = ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar());
-    ProgressBar::new(length).with_style(style)
+fn bar_of(options: &Options) -> ProgressBar {
+    let is_timed = options.minutes > 0.0;
+    if is_timed { bar((options.minutes * 60.0) as u64, "s") } else { bar(options.updates, "updates") }
 }

@@ -21,7 +21,7 @@ use self::children::children;
 use self::here::here;
 use self::status::status;
 use self::typed::{indices, parse_time};
-use super::{Cli, Context};
+use super::{Cli, Command, Context};
 
 /// How often children and the clock are looked at.
 const LOOK: Duration = Duration::from_millis(100);
@@ -107,26 +107,31 @@ pub(crate) fn run(context: &Context, args: &SweepArgs, verb: Verb) -> Result<End
     }
 }
 
-/// Refuses command lines that this program could not read, before anything is run.
+/// Refuses command lines that this program could not read or would not carry out, before anything is run.
 fn check(elements: &[Element]) -> Result<()> {
-    for (place, words) in elements.iter().flat_map(|element| element.stages.iter().enumerate()) {
-        if words[0] != "vibes-train" {
-            continue;
+    let stages = elements.iter().flat_map(|element| element.stages.iter().enumerate());
+    let mut own = stages.filter(|(_, words)| words[0] == "vibes-train");
+    own.try_for_each(|(place, words)| check_stage(place, words))
+}
+
+fn check_stage(place: usize, words: &[String]) -> Result<()> {
+    let (read, is_whole) = match parse::<Cli>(words) {
+        // An earlier stage may have the file of options yet to write: what was typed is judged as far as it goes.
+        Err(error) if place > 0 && is_missing(&error) => match parse_typed(words) {
+            Err(error) if is_incomplete(&error) => return Ok(()),
+            read => (read, false),
+        },
+        read => (read, true),
+    };
+    let checked = match read.map_err(|error| fault(&error, words))?.command {
+        Command::Sweep(_) => {
+            bail!(TrainError::Options(format!("a sweep inside a sweep; in the stage: {}", line(words))))
         }
-        let read = match parse::<Cli>(words) {
-            // An earlier stage may have the file of options yet to write: what was typed is judged as far as it goes.
-            Err(error) if place > 0 && is_missing(&error) => match parse_typed(words) {
-                Err(error) if is_incomplete(&error) => continue,
-                read => read,
-            },
-            read => read,
-        };
-        let cli = read.map_err(|error| fault(&error, words))?;
-        if matches!(cli.command, super::Command::Sweep(_)) {
-            bail!(TrainError::Options(format!("a sweep inside a sweep; in the stage: {}", line(words))));
-        }
-    }
-    Ok(())
+        Command::Offline(args) if is_whole => args.resolve().map(|_options| ()),
+        Command::Online(args) if is_whole => args.check_typed(),
+        _ => Ok(()),
+    };
+    Ok(checked.map_err(|error| fault(&error, words))?)
 }
 
 /// Whether a file is not there.

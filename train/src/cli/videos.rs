@@ -1,5 +1,5 @@
-//! Background videos before a run: they are made once, which may take minutes; a signal is heard meanwhile. In: the world, and whether to stop. Out: the videos in
-//! the cache.
+//! Background videos before a run: they are made once, which may take minutes; a signal is heard meanwhile. In: the world, and whether to stop. Out: the videos,
+//! opened.
 
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,21 +7,22 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use vibes_env::videos::VideoSet;
 use vibes_train::TrainError;
 use vibes_train::online::options::WorldOptions;
+use vibes_train::online::world::Libraries;
 
 use super::Context;
 
-/// Makes what is missing of either set, and says so once.
+/// Opens both sets; what is missing of either is made, and that is said once.
 #[allow(clippy::print_stderr, reason = "progress of the command line")]
-pub(super) fn make_videos(context: &Context, world: &WorldOptions, stop: &AtomicBool) -> Result<(), TrainError> {
+pub(super) fn open_videos(context: &Context, world: &WorldOptions, stop: &AtomicBool) -> Result<Libraries, TrainError> {
     let is_said = !context.quiet && !context.json;
-    for set in [VideoSet::Train, VideoSet::Val] {
+    let open = |set: VideoSet| {
         let said = Once::new();
-        world.make_videos(set, &|missing| {
+        world.video_library_while(set, &|missing| {
             if is_said {
                 said.call_once(|| eprintln!("preparing {missing} videos of the set {} (once)", set.name()));
             }
             !stop.load(Ordering::Relaxed)
-        })?;
-    }
-    Ok(())
+        })
+    };
+    Ok([open(VideoSet::Train)?, open(VideoSet::Val)?])
 }

@@ -1,17 +1,20 @@
 //! What an online run begins with: how many control steps others lived through for it, and whether the held-out videos are new to it. In: the run that it goes on from, as far as that, the
 //! runs before it and their recordings are there. Out: what `online.json` says of it from then on, or why a protocol cannot be followed from there.
 
-use std::collections::{BTreeMap, BTreeSet};
+mod given;
+
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use serde_json::Value;
-use vibes_data::{EpisodeEntry, Recording, Video};
+use vibes_data::{HeadStart, Recording, Video};
 use vibes_env::videos::VideoSource;
+use vibes_env::{Environment, EnvironmentOptions};
 use vibes_model::ObservationKind;
 
+use self::given::{Past, control_steps_of};
 use super::options::{GivenFrom, OnlineOptions, WorldOptions};
 use crate::error::{Result, TrainError};
-use crate::prepare::held;
 use crate::run::Run;
 use crate::summary::given_in_words;
 
@@ -21,15 +24,19 @@ use crate::summary::given_in_words;
 /// They are under a protocol, and it is not known what the run begins with, or that has seen videos which the protocol holds out.
 pub(super) fn settled(path: &Path, from: &Run, kind: ObservationKind, options: OnlineOptions) -> Result<OnlineOptions> {
     let found = OnlineOptions::read(path)?;
+    let past = Past::of(from)?;
     let (given_control_steps, given_from) = match &found {
         // Recordings are taken away on the way; a run that was begun before this was kept has neither.
         Some(found) => (found.given_control_steps, found.given_from),
-        None => given(from, options.world.action_repeat),
+        None => {
+            let start = past.head_start(Some(&options.world), options.world.action_repeat);
+            (start.given_control_steps, Some(start.given_from))
+        }
     };
     let mut seen: BTreeSet<String> = found.into_iter().flat_map(|found| found.held_out_seen).collect();
     if matches!(kind, ObservationKind::Pixels { .. }) {
-        seen.extend(held_out_seen(&options.world, &from.seen().recordings));
-        seen.extend(seen_before(from, &options.world)?);
+        seen.extend(held_out_seen(&options.world, &past.chain.seen().recordings));
+        seen.extend(seen_before(&past, &options.world));
     }
     let held_out_seen = seen.into_iter().collect();
     let options = OnlineOptions { given_control_steps, given_from, held_out_seen, ..options };
@@ -46,7 +53,7 @@ fn check(options: &OnlineOptions, from: &Run) -> Result<()> {
     };
     if options.given_from == Some(GivenFrom::Unknown) {
         let fact = format!(
-            "{protocol} has every evaluation say how many control steps a run began with, and that is not known here: a run that this one went on from is gone, or the replay of one"
+            "{protocol} has every evaluation say how many control steps a run began with, and that is not known here: a run that this one goes back to is gone, and none between says it"
         );
         return refuse(&fact, "put it back where it was");
     }
@@ -58,54 +65,27 @@ fn check(options: &OnlineOptions, from: &Run) -> Result<()> {
     Ok(())
 }
 
-/// Control steps that a run begins with which goes on from this one, and what they are known from: all that this one and the runs before it have learned from. None where there are
-/// none, or they are not known.
-fn given(from: &Run, action_repeat: u32) -> (Option<u64>, Option<GivenFrom>) {
-    let (before, is_known) = from.before();
-    let runs: Vec<&Run> = std::iter::once(from).chain(&before).collect();
-    // What an online run lived through is nowhere but in its replay, which a kept copy lacks.
-    let is_lost =
-        |run: &&Run| run.path().join("online.json").exists() && Recording::open(&run.path().join("replay")).is_err();
-    if !is_known || runs.iter().any(is_lost) {
-        return (None, Some(GivenFrom::Unknown));
+/// What a run began with, for a copy of it that is to say this without the runs before it; none where its `online.json` says it already, or it began anew, or that is not known.
+///
+/// # Errors
+/// An `online.json` is damaged.
+pub(crate) fn head_start(run: &Run) -> Result<Option<HeadStart>> {
+    let online = OnlineOptions::read(run.path())?;
+    if online.as_ref().is_some_and(|online| online.given_from.is_some()) {
+        return Ok(None);
     }
-    let gone = gone(&runs, action_repeat);
-    let steps = control_steps_of(&from.seen().recordings).saturating_add(gone.unwrap_or(0));
-    let known_from = if gone.is_some() { GivenFrom::RunFile } else { GivenFrom::Recordings };
-    (Some(steps).filter(|steps| *steps > 0), Some(known_from))
-}
-
-/// Control steps of the recordings that are gone, as `run.json` has them of the runs that learned from them; none where all are there. Runs that name the same recordings learned from the
-/// same episodes.
-fn gone(runs: &[&Run], action_repeat: u32) -> Option<u64> {
-    let mut by_names: BTreeMap<Vec<String>, u64> = BTreeMap::new();
-    for run in runs {
-        let (info, left) = (run.info(), run.recordings_left());
-        if left.len() == info.recordings.len() {
-            continue;
-        }
-        // All recordings of a run hold an action for as long; where none is left, as long as the world that is gone on in.
-        let repeat = left.first().map_or(action_repeat, |recording| recording.manifest().spec.action_repeat);
-        let steps = info.steps.saturating_sub(held(&left).1).saturating_mul(u64::from(repeat));
-        let most = by_names.entry(info.recording_names()).or_default();
-        *most = steps.max(*most);
-    }
-    (!by_names.is_empty()).then(|| by_names.values().fold(0, |sum: u64, steps| sum.saturating_add(*steps)))
-}
-
-/// Control steps of some recordings; a state trajectory that was recorded under several distractors, or drawn again, counts once.
-fn control_steps_of(recordings: &[Recording]) -> u64 {
-    let mut trajectories = BTreeSet::new();
-    for recording in recordings {
-        let repeat = recording.manifest().spec.action_repeat;
-        // What another program recorded has no seeds of its own to tell its trajectories apart by.
-        let is_imported = recording.manifest().is_imported();
-        let own = |entry: &EpisodeEntry| is_imported.then(|| entry.arrow.sha256.clone());
-        trajectories.extend(recording.episodes().iter().map(|entry| {
-            (own(entry), entry.seed, entry.policy.clone(), entry.episode_return.to_bits(), entry.steps, repeat)
-        }));
-    }
-    trajectories.iter().map(|(.., steps, repeat)| u64::from(*steps) * u64::from(*repeat)).sum()
+    let known = run.info().began_with;
+    let (None, Ok(Some(from))) = (known, run.open_from()) else { return Ok(known) };
+    let past = Past::of(&from)?;
+    let world = online.map(|online| online.world);
+    let left = run.recordings_left().into_iter().chain(past.chain.seen().recordings).next();
+    let repeat = world.as_ref().map(|world| world.action_repeat);
+    let repeat = repeat.or_else(|| left.map(|recording| recording.manifest().spec.action_repeat));
+    // Where no recording is left, as long as the task holds an action; of a task of somebody's own nobody knows.
+    let environment = || Environment::new(&run.info().model.task, EnvironmentOptions::default()).ok();
+    let repeat = repeat.or_else(|| environment().map(|environment| environment.action_repeat()));
+    let start = repeat.map(|repeat| past.head_start(world.as_ref(), repeat));
+    Ok(start.filter(|start| start.given_from != GivenFrom::Unknown))
 }
 
 /// The control steps that a run began with: as they were counted then, or, of a run that was begun before that was kept, of those recordings of the runs before it that are left.
@@ -126,17 +106,12 @@ fn held_out_seen(world: &WorldOptions, recordings: &[Recording]) -> BTreeSet<Str
     seen.map(|(_, film)| film.name).collect()
 }
 
-/// The held-out videos of a world that a run or one before it is known to have seen, though its recordings may be gone.
-fn seen_before(from: &Run, world: &WorldOptions) -> Result<BTreeSet<String>> {
+/// The held-out videos of a world that one of the runs before is known to have seen, though its recordings may be gone.
+fn seen_before(past: &Past, world: &WorldOptions) -> BTreeSet<String> {
     let held_out: BTreeSet<String> = world.names_held_out().into_iter().collect();
-    let (before, _) = from.before();
-    let mut seen = BTreeSet::new();
-    for run in std::iter::once(from).chain(&before) {
-        let found = OnlineOptions::read(run.path())?.filter(|found| found.world.videos == world.videos);
-        let known = found.into_iter().flat_map(|found| found.held_out_seen);
-        seen.extend(known.filter(|name| held_out.contains(name)));
-    }
-    Ok(seen)
+    let known = past.online().filter(|online| online.world.videos == world.videos);
+    let seen = known.flat_map(|online| &online.held_out_seen);
+    seen.filter(|name| held_out.contains(*name)).cloned().collect()
 }
 
 /// The videos of a recording and where they come from, which every part of a merged one says of its own.
@@ -164,7 +139,7 @@ pub(super) fn notes(run: &Run, options: &OnlineOptions) -> Vec<String> {
         options.given_in_words().map(|given| format!("it begins with {given}, which --control-steps does not count"));
     let is_unknown = options.given_from == Some(GivenFrom::Unknown);
     let unknown = is_unknown.then(|| {
-        let text = "how many control steps it begins with is not known: a run that it went on from is gone, or the replay of one";
+        let text = "how many control steps it begins with is not known: a run that it goes back to is gone, and none between says it";
         text.to_owned()
     });
     let is_seen = !options.held_out_seen.is_empty();
@@ -185,8 +160,10 @@ pub(super) fn notes(run: &Run, options: &OnlineOptions) -> Vec<String> {
 
 /// Whether everything is there that the runs before one have learned from.
 fn is_all_there(run: &Run) -> bool {
-    let (before, is_known) = run.before();
-    is_known && before.iter().all(|run| run.seen().is_whole)
+    match run.open_from() {
+        Ok(from) => from.is_none_or(|from| from.seen().is_whole),
+        Err(_gone) => false,
+    }
 }
 
 impl OnlineOptions {

@@ -14,7 +14,7 @@ use vibes_model::returns::ReturnScale;
 
 use crate::checkpoints;
 use crate::error::{Result, TrainError, io, malformed};
-use crate::json::write_json;
+use crate::json::{is_zero, write_json};
 use crate::learners::behaviour::BehaviourLearner;
 use crate::learners::world::Learner;
 use crate::run::{Run, State};
@@ -32,6 +32,12 @@ pub struct OnlineState {
     pub credit: f64,
     /// Updates of actor and critic.
     pub updates: u64,
+    /// How often world model, actor and critic were begun anew.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub resets: u64,
+    /// Of the updates those before the last time.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub updates_before_reset: u64,
     /// Control steps at which the next evaluation is due.
     pub next_evaluation: u64,
     /// Adam's steps of the actor.
@@ -47,9 +53,11 @@ pub struct OnlineState {
     pub is_finished: bool,
 }
 
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
-fn is_zero(steps: &u64) -> bool {
-    *steps == 0
+impl OnlineState {
+    /// Updates that the weights of actor and critic have behind them.
+    pub fn updates_since_reset(&self) -> u64 {
+        self.updates - self.updates_before_reset
+    }
 }
 
 /// What a checkpoint gives back.
@@ -90,6 +98,13 @@ pub(super) fn check_whole(run: &Path) -> Result<()> {
         return Err(TrainError::KeptCopy { path: run.to_owned() });
     }
     Ok(())
+}
+
+/// Control steps that a run had lived through at its newest checkpoint, which a kept copy says too; none of a run without one.
+pub(super) fn lived(run: &Run) -> Option<u64> {
+    let file = run.places().newest_checkpoint().ok()?.join(STATE);
+    let state: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(file).ok()?).ok()?;
+    state["control_steps"].as_u64()
 }
 
 /// Takes up the newest checkpoint, with its guard if the run `is_guarded`; none in a run without one.

@@ -28,6 +28,7 @@ use super::actor::{self, ActorThread, EpisodeKind, Living, Task, episode_seed};
 use super::evaluate::{self, Evaluation};
 use super::protocol::Protocol;
 use super::training::is_too_late_after_another;
+use super::world::Libraries;
 use super::{line, unfinished};
 use crate::error::Result;
 use crate::fit::{End, Go};
@@ -125,19 +126,32 @@ pub struct Line {
 /// # Errors
 /// See [`TrainError`](crate::TrainError); everything up to the last checkpoint is kept.
 pub fn model_free(folder: &Folder, device: &Device, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
-    model_free_living(actor::as_it_is, folder, device, listen)
+    model_free_under(folder.options().online.world.libraries()?, folder, device, listen)
+}
+
+/// The same under the world's videos, which have been opened before.
+///
+/// # Errors
+/// As [`model_free`].
+pub fn model_free_under(
+    libraries: Libraries,
+    folder: &Folder,
+    device: &Device,
+    listen: &mut dyn FnMut(Event<'_>) -> Go,
+) -> Result<End> {
+    model_free_living(actor::as_it_is, libraries, folder, device, listen)
 }
 
 /// The same with an actor's thread that lives through its episodes in this way.
 pub(super) fn model_free_living(
     live: Living,
+    libraries: Libraries,
     folder: &Folder,
     device: &Device,
     listen: &mut dyn FnMut(Event<'_>) -> Go,
 ) -> Result<End> {
     let options = folder.options();
     let world = &options.online.world;
-    let libraries = [world.video_library(VideoSet::Train)?, world.video_library(VideoSet::Val)?];
     let place = folder.path().join("replay");
     let manifest = options.online.replay_manifest(options.seed, libraries[0].videos(), &place)?;
     let resumed = folder.resume(device)?;

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+pub use vibes_data::GivenFrom;
 use vibes_data::write_atomically;
 use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::Look;
@@ -11,6 +12,7 @@ use vibes_env::videos::{VideoSource, davis};
 
 use super::protocol::Protocol;
 use crate::error::{Result, TrainError, io, malformed};
+use crate::json::is_zero;
 use crate::learners::behaviour::BehaviourOptions;
 
 /// Most rows that may be replayed for every agent step: far more than anybody has time for, and few enough to count.
@@ -63,6 +65,12 @@ pub struct OnlineOptions {
     pub short_horizon: usize,
     /// Updates with that horizon.
     pub short_for: u64,
+    /// Control steps, rising, after each of which world model, actor and critic begin anew on all that has been lived through.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub reset_at: Vec<u64>,
+    /// Updates from then on before the next episode.
+    #[serde(skip_serializing_if = "is_zero", default)]
+    pub reset_updates: u64,
     /// Standard deviation of noise on the executed actions, in units of −1..1.
     pub exploration: f64,
     /// Control steps between evaluations; 0 for none.
@@ -88,21 +96,11 @@ pub struct OnlineOptions {
     pub held_out_seen: Vec<String>,
 }
 
-/// What the control steps that a run began with are known from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum GivenFrom {
-    /// The recordings: views of an episode count once.
-    #[serde(rename = "recordings")]
-    Recordings,
-    /// In part the `run.json` of a run whose recordings are gone, where every view counts.
-    #[serde(rename = "run.json")]
-    RunFile,
-    /// Nothing: with a run before this one it is gone what that one learned from.
-    #[serde(rename = "unknown")]
-    Unknown,
-}
-
 impl OnlineOptions {
+    /// Updates before the first episode with an actor that has been begun anew, unless another number is asked for: so many that VIBES holds the task of a hundred episodes of
+    /// cartpole-swingup (`docs/online.md`).
+    pub const DEFAULT_RESET_UPDATES: u64 = 4000;
+
     /// Reads a run's options; none if it is no online run.
     ///
     /// # Errors
@@ -222,7 +220,15 @@ impl OnlineOptions {
         let agent_steps = self.control_steps.div_ceil(u64::from(self.world.action_repeat.max(1)));
         let episodes = agent_steps.div_ceil(steps).saturating_sub(1);
         let paying = episodes.saturating_sub(self.random_episodes(is_given)) * steps;
-        self.first_updates.saturating_add((paying as f64 * self.updates_per_step(rows)) as u64)
+        let resets = self.reset_updates.saturating_mul(self.reset_at.len() as u64);
+        let first = self.first_updates.saturating_add(resets);
+        first.saturating_add((paying as f64 * self.updates_per_step(rows)) as u64)
+    }
+
+    /// Whether world model, actor and critic begin anew after so many control steps, having done so `resets` times; at the end of a run there is nothing to begin for.
+    pub fn is_reset_due(&self, resets: u64, control_steps: u64) -> bool {
+        let due = self.reset_at.get(resets as usize);
+        control_steps < self.control_steps && due.is_some_and(|at| control_steps >= *at)
     }
 
     /// That the values make sense.
@@ -244,6 +250,10 @@ impl OnlineOptions {
         }
         if !(self.exploration.is_finite() && self.exploration >= 0.0) {
             return wrong(format!("--exploration is {}; it must be 0 or more", self.exploration));
+        }
+        if self.reset_at.first() == Some(&0) || self.reset_at.windows(2).any(|pair| pair[0] >= pair[1]) {
+            let asked = self.reset_at.iter().map(u64::to_string).collect::<Vec<_>>().join(",");
+            return wrong(format!("--reset-at is {asked}; these control steps must be above 0 and rise"));
         }
         if self.short_horizon > 0 && self.short_horizon >= self.behaviour.horizon {
             let (short, horizon) = (self.short_horizon, self.behaviour.horizon);
@@ -267,6 +277,12 @@ impl OnlineOptions {
             let asked = self.control_steps;
             return Err(TrainError::Options(format!(
                 "--control-steps is {asked}, and the {episodes} random episodes before the actor's (--prefill) take {random}; it must be above that"
+            )));
+        }
+        if let Some(last) = self.reset_at.last().filter(|last| **last >= self.control_steps) {
+            let asked = self.control_steps;
+            return Err(TrainError::Options(format!(
+                "--reset-at has {last}, and the run is over after {asked} control steps; it must be below that"
             )));
         }
         if self.short_for > 0 && self.short_horizon == 0 {

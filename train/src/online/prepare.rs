@@ -83,6 +83,8 @@ pub fn default_options(world: WorldOptions, is_given: bool) -> OnlineOptions {
         critic_first: OnlineOptions::default_critic_first(is_given),
         short_horizon: 0,
         short_for: 0,
+        reset_at: Vec::new(),
+        reset_updates: 0,
         exploration: 0.3,
         evaluate_every: 10_000,
         evaluation_episodes: 5,
@@ -110,13 +112,14 @@ pub fn from_nothing(path: &Path, model: &Options, options: OnlineOptions) -> Res
         format: RUN_FORMAT.to_owned(),
         model: model.model(&spec, kind, unit),
         from: None,
+        began_with: None,
         options: model.clone(),
         recordings: Vec::new(),
         episodes: 0,
         steps: 0,
         versions: versions(),
     };
-    Ok(Prepared { run: begun(path, info, &options)?, options, given: Vec::new() })
+    Ok(Prepared { run: begun(path, info, &[], &options)?, options, given: Vec::new() })
 }
 
 /// Begins a run at `path` that goes on from the newest checkpoint of the offline run `from` and mixes in the recordings that one learned from, or goes on with the one at
@@ -146,20 +149,21 @@ pub fn from_run(path: &Path, from: &Run, model: &Options, options: OnlineOptions
     let made = model.model(&spec, kind, 1.0);
     // The unit of reward stays as the run has it.
     let wanted = ModelConfig { reward_scale: found.reward_scale, reward_floor: found.reward_floor, ..made };
-    same_model(from.path(), &wanted)?;
+    same_model(from.path(), model.objective, &wanted)?;
     let options = beginning::settled(path, from, kind, options)?;
     let (episodes, steps) = held(&given);
     let info = RunInfo {
         format: RUN_FORMAT.to_owned(),
         model: wanted,
         from: Some(relative_place(from.path(), path)),
+        began_with: None,
         options: model.clone(),
         recordings: given.iter().map(|recording| relative_place(recording.path(), path)).collect(),
         episodes,
         steps,
         versions: versions(),
     };
-    Ok(Prepared { run: begun(path, info, &options)?, options, given })
+    Ok(Prepared { run: begun(path, info, &given, &options)?, options, given })
 }
 
 /// Goes on with the online run at `path` under its own options but for `options`, which may differ in how long to go on.
@@ -175,14 +179,14 @@ pub fn again(path: &Path, model: &Options, options: OnlineOptions) -> Result<Pre
     let options = beginning::settled(path, &found, found.info().model.observation, options)?;
     let (episodes, steps) = held(&given);
     let info = RunInfo { options: model.clone(), episodes, steps, ..found.info().clone() };
-    Ok(Prepared { run: begun(path, info, &options)?, options, given })
+    Ok(Prepared { run: begun(path, info, &given, &options)?, options, given })
 }
 
 /// The run at `path`, new or gone on with. Nothing of one that is there is written before it is known to be the same.
 ///
 /// # Errors
 /// The folder holds another run, or a kept copy, or cannot be written.
-fn begun(path: &Path, info: RunInfo, options: &OnlineOptions) -> Result<Run> {
+fn begun(path: &Path, info: RunInfo, given: &[Recording], options: &OnlineOptions) -> Result<Run> {
     check_whole(path)?;
     options.check_found(path)?;
     if OnlineOptions::read(path)?.is_none() {
@@ -190,7 +194,7 @@ fn begun(path: &Path, info: RunInfo, options: &OnlineOptions) -> Result<Run> {
         options.check_new(is_given)?;
         options.check_actor_moves(info.options.length * info.options.batch, is_given)?;
     }
-    let run = Run::create_or_open(path, info)?;
+    let run = Run::create_or_open(path, info, given)?;
     options.keep(run.path())?;
     Ok(run)
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use vibes_data::{RunFolder, verify_recording};
 use vibes_env::distractors::{Axes, DistractorSettings};
+use vibes_env::videos::VideoSet;
 use vibes_env::{Trained, rollout_frames};
 use vibes_model::actions::Choice;
 use vibes_model::player::Player;
@@ -12,7 +13,7 @@ use vibes_model::trained::TrainedAgent;
 
 use super::actor::{EpisodeKind, Lived, Task, episode_seed};
 use super::model_free::folder::{FORMAT, Folder, ModelFreeOptions};
-use super::model_free::model_free_living;
+use super::model_free::{model_free_living, model_free_under};
 use super::options::GivenFrom;
 use super::prepare::Prepared;
 use super::*;
@@ -69,7 +70,7 @@ fn lived(
     let prepared = prepare::from_nothing(path, &model, options)?;
     let setup =
         Setup { run: &prepared.run, options: &prepared.options, given: &prepared.given, device: &Device::flex() };
-    online_living(live, &setup, listen)
+    online_living(live, setup.options.world.libraries()?, &setup, listen)
 }
 
 /// The lines of evaluations, whether each is the last one.
@@ -101,7 +102,8 @@ fn model_free_options(steps: u32) -> ModelFreeOptions {
 /// Such a run at `path` as far as it gets.
 fn without(path: &Path, live: Living) -> Result<End> {
     let folder = Folder::create_or_open(path, model_free_options(options().world.steps)).unwrap();
-    model_free_living(live, &folder, &Device::flex(), &mut |_| Go::On)
+    let libraries = folder.options().online.world.libraries()?;
+    model_free_living(live, libraries, &folder, &Device::flex(), &mut |_| Go::On)
 }
 
 /// Weights of the newest checkpoint and everything that was lived through, by their places.
@@ -148,7 +150,32 @@ fn a_thread_that_panics_is_an_error_with_its_words_and_the_run_goes_on_later() {
 fn a_run_that_is_stopped_anywhere_stops_there_and_the_same_command_ends_with_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let options = OnlineOptions { first_updates: 250, evaluate_every: 80, ..options() };
-    let undisturbed = folder.path().join("undisturbed");
+    stopped_anywhere(folder.path(), &options, &[2, 4, 30, 150]);
+}
+
+/// In the updates after a beginning anew as in the first ones; the weights are new ones, and schedules count from there.
+#[test]
+fn a_run_that_begins_anew_on_the_way_can_be_stopped_anywhere_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let resets = OnlineOptions { reset_at: vec![150, 240], reset_updates: 45, ..options() };
+    stopped_anywhere(folder.path(), &resets, &[2, 40, 60, 70, 110, 130]);
+    let newest = RunFolder::at(&folder.path().join("undisturbed")).newest_checkpoint().unwrap();
+    let read = |file: &str| -> serde_json::Value {
+        serde_json::from_str(&std::fs::read_to_string(newest.join(file)).unwrap()).unwrap()
+    };
+    let (world, online) = (read("state.json"), read("online.json"));
+    assert_eq!(online["resets"], 2, "{online}");
+    let since = online["updates"].as_u64().unwrap() - online["updates_before_reset"].as_u64().unwrap();
+    // The last time after 240 of 320 control steps: two more episodes, of which each pays for less than an update an agent step.
+    assert!((45..45 + 2 * 20).contains(&since), "{online}");
+    assert_eq!(world["optimizer_steps"], since, "{world}");
+    assert_eq!(online["critic_steps"], since, "{online}");
+    assert_eq!(world["anew_from"].as_u64().unwrap() + since, world["update"].as_u64().unwrap(), "{world}");
+}
+
+/// A run of these options ends with the same bytes as `undisturbed` whenever it is stopped.
+fn stopped_anywhere(folder: &Path, options: &OnlineOptions, places: &[usize]) {
+    let undisturbed = folder.join("undisturbed");
     let mut events = 0;
     let count = &mut |_: Event<'_>| {
         events += 1;
@@ -157,8 +184,8 @@ fn a_run_that_is_stopped_anywhere_stops_there_and_the_same_command_ends_with_the
     assert_eq!(lived(&undisturbed, options.clone(), 0.0, actor::as_it_is, count).unwrap(), End::Updates);
     let wanted = left_behind(&undisturbed);
     // In the random episodes, at the first evaluation, in the first updates, in a round, before the last evaluation.
-    for stop_at in [2, 4, 30, 150, events - 3, events - 1] {
-        let run = folder.path().join(format!("stopped-{stop_at}"));
+    for stop_at in places.iter().copied().chain([events - 3, events - 1]) {
+        let run = folder.join(format!("stopped-{stop_at}"));
         let (mut seen, mut after) = (0, 0);
         let stop = &mut |event: Event<'_>| {
             seen += 1;
@@ -487,6 +514,32 @@ fn an_evaluation_under_videos_that_were_seen_says_so() {
         "{page}"
     );
     assert!(page.contains("no recordings in its batches") && page.contains("nothing of new videos"), "{page}");
+}
+
+/// Videos are opened once, while a signal is heard: a run takes those that it is handed.
+#[test]
+fn a_run_is_under_the_videos_that_were_opened_for_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let axes = Axes { background: true, ..Axes::NONE };
+    let world = options().world;
+    let distractors = DistractorSettings { axes, ..world.distractors };
+    let world = options::WorldOptions { size: Some(24), distractors, ..world };
+    let opened = options::WorldOptions { video_count: Some(1), ..world.clone() }.libraries().unwrap();
+    let videos = |run: &Path| Recording::open(&run.join("replay")).unwrap().manifest().videos.len();
+    let path = folder.path().join("run");
+    let mut model = tiny();
+    model.settings.observations = crate::settings::Observations::Vectors;
+    let asked = OnlineOptions { world: world.clone(), ..options() };
+    let Prepared { run, options, given } = &prepare::from_nothing(&path, &model, asked).unwrap();
+    let setup = Setup { run, options, given, device: &Device::flex() };
+    assert_eq!(online_under(opened.clone(), &setup, &mut |_| Go::Stop).unwrap(), End::Stopped);
+    assert_eq!(videos(&path), 1);
+    let path = folder.path().join("model-free");
+    let asked = model_free_options(20);
+    let asked = ModelFreeOptions { online: OnlineOptions { world, ..asked.online }, ..asked };
+    let run = Folder::create_or_open(&path, asked).unwrap();
+    assert_eq!(model_free_under(opened, &run, &Device::flex(), &mut |_| Go::Stop).unwrap(), End::Stopped);
+    assert_eq!(videos(&path), 1);
 }
 
 /// An agent that looks at numbers sees no video, also where the world is drawn.

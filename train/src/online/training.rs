@@ -21,7 +21,7 @@ use crate::error::{Result, TrainError};
 use crate::fit::{End, Go};
 use crate::learners::behaviour::BehaviourLearner;
 use crate::replay::Replay;
-use crate::session::{Session, first_learner};
+use crate::session::{Session, first_learner, new_learner};
 use crate::windows::{Purpose, update_rng};
 
 /// Windows that set the first scales of a new model.
@@ -78,36 +78,63 @@ impl Training<'_> {
         let windows = || Ok(self.replay.draw(CALIBRATION_WINDOWS, &mut rng));
         let (learner, state) = first_learner(run, windows, device)?;
         self.session.state = state;
+        Ok(Some((learner, self.new_behaviour())))
+    }
+
+    /// World model, actor and critic with new weights, for all that has been lived through. A network that has fitted a few episodes for long holds less of the many that follow than
+    /// one that begins with them: it keeps what told the first ones apart (Nikishin et al. 2022, "The primacy bias in deep reinforcement learning", whose remedy this is).
+    fn reset(&mut self, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<(Learners, Go)> {
+        let Setup { run, options, device, .. } = *self.setup;
+        self.state.resets += 1;
+        self.state.updates_before_reset = self.state.updates;
+        self.session.state = self.session.state.anew();
+        let mut rng = update_rng(run.info().options.seed, self.session.state.drawn(), Purpose::Calibration);
+        let windows = || Ok(self.replay.draw(CALIBRATION_WINDOWS, &mut rng));
+        let learner = new_learner(run, self.state.resets, windows, device)?;
+        let (control_steps, updates) = (self.state.control_steps, options.reset_updates);
+        Ok(((learner, self.new_behaviour()), listen(Event::Reset { control_steps, updates })))
+    }
+
+    /// Actor and critic before their first update, of the world model's newest weights.
+    fn new_behaviour(&self) -> BehaviourLearner {
+        let Setup { run, options, device, .. } = *self.setup;
         let mut rng = ChaCha8Rng::seed_from_u64(run.info().options.seed);
-        rng.set_stream(1 << 63);
+        rng.set_stream((1 << 63) + self.state.resets);
         let behaviour = Behaviour::init(&run.info().model, options.behaviour.config(), &mut rng, device);
         let guard = options.behaviour.guard(&run.info().model, &mut rng, device);
-        Ok(Some((learner, BehaviourLearner::new(behaviour, device).guarded(guard))))
+        BehaviourLearner::new(behaviour, device).guarded(guard)
     }
 
     fn run(&mut self, mut learners: Learners, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
         if !self.is_last() && self.evaluate(&learners, listen)? == Go::Stop {
             return Ok(End::Stopped);
         }
-        while self.state.updates < self.setup.options.first_updates && !self.session.is_out_of_time() {
-            let (next, go) = self.first_updates(learners, listen)?;
-            learners = next;
-            if go == Go::Stop {
-                return Ok(End::Stopped);
-            }
-        }
         loop {
-            let go = self.evaluate(&learners, listen)?;
-            if self.state.is_finished || go == Go::Stop {
-                self.save(&learners, listen)?;
-                return Ok(self.end());
-            }
-            let (next, go) = self.round(learners, listen)?;
-            learners = next;
+            let go;
+            (learners, go) = if self.state.updates < self.first_until() && !self.session.is_out_of_time() {
+                self.first_updates(learners, listen)?
+            } else {
+                let go = self.evaluate(&learners, listen)?;
+                if self.state.is_finished || go == Go::Stop {
+                    self.save(&learners, listen)?;
+                    return Ok(self.end());
+                }
+                match self.setup.options.is_reset_due(self.state.resets, self.state.control_steps) {
+                    true => self.reset(listen)?,
+                    false => self.round(learners, listen)?,
+                }
+            };
             if go == Go::Stop {
                 return Ok(End::Stopped);
             }
         }
+    }
+
+    /// Updates of actor and critic that are made before the next episode: the first ones, of the run or after it began anew.
+    fn first_until(&self) -> u64 {
+        let options = self.setup.options;
+        let first = if self.state.resets == 0 { options.first_updates } else { options.reset_updates };
+        self.state.updates_before_reset.saturating_add(first)
     }
 
     fn end(&self) -> End {
@@ -118,19 +145,19 @@ impl Training<'_> {
         }
     }
 
-    /// Some of the updates before the first episode with the actor.
+    /// Some of the updates before the first episode with the actor, or with one that began anew.
     fn first_updates(&mut self, learners: Learners, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<(Learners, Go)> {
         let begun = Instant::now();
-        let first_updates = self.setup.options.first_updates;
+        let last = self.first_until();
         let until = (self.state.updates / FIRST_UPDATES_AT_ONCE + 1) * FIRST_UPDATES_AT_ONCE;
-        let count = until.min(first_updates) - self.state.updates;
+        let count = until.min(last) - self.state.updates;
         let (learners, round, go) = self.updates(learners, count, listen)?;
         self.is_saved = false;
         let line = self.line(&round, None, None);
         self.log(&line)?;
         let go = go.or(listen(Event::Metrics(&line)));
         // An episode takes another time than these updates, so what it begins with is saved whatever the clock says.
-        if self.state.updates >= first_updates || self.is_save_due_after_another(begun) || go == Go::Stop {
+        if self.state.updates >= last || self.is_save_due_after_another(begun) || go == Go::Stop {
             self.save(&learners, listen)?;
         }
         Ok((learners, go))
@@ -218,7 +245,7 @@ impl Training<'_> {
         count: u64,
         listen: &mut dyn FnMut(Event<'_>) -> Go,
     ) -> Result<(Learners, Round, Go)> {
-        let counts = (self.state.updates, count);
+        let counts = (self.state.updates_since_reset(), count);
         let made = updates::updates(self.setup, &self.replay, &mut self.session, learners, counts, listen)?;
         self.state.updates += count;
         Ok(made)

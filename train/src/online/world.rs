@@ -12,6 +12,9 @@ use vibes_env::{Environment, EnvironmentOptions, Eyes, Heading};
 use super::options::{OnlineOptions, WorldOptions};
 use crate::error::Result;
 
+/// The background videos to train under and those that are held out, opened.
+pub type Libraries = [Arc<VideoLibrary>; 2];
+
 impl WorldOptions {
     /// The environment.
     ///
@@ -48,18 +51,22 @@ impl WorldOptions {
     /// # Errors
     /// A folder holds too few videos, or one cannot be decoded.
     pub fn video_library(&self, set: VideoSet) -> Result<Arc<VideoLibrary>> {
-        self.library_while(set, &|_missing| true)
+        self.video_library_while(set, &|_missing| true)
     }
 
-    /// Makes the background videos of a set where no earlier run has, which may take minutes, as long as `go_on` says yes; it is told how many are missing.
+    /// The background videos of both sets.
+    ///
+    /// # Errors
+    /// As [`Self::video_library`].
+    pub fn libraries(&self) -> Result<Libraries> {
+        Ok([self.video_library(VideoSet::Train)?, self.video_library(VideoSet::Val)?])
+    }
+
+    /// The background videos of a set, made where no earlier run has, which may take minutes, as long as `go_on` says yes; it is told how many are missing.
     ///
     /// # Errors
     /// As [`Self::video_library`]; [`vibes_env::Error::Stopped`] where `go_on` says no. What is made by then is kept.
-    pub fn make_videos(&self, set: VideoSet, go_on: GoOn<'_>) -> Result<()> {
-        self.library_while(set, go_on).map(drop)
-    }
-
-    fn library_while(&self, set: VideoSet, go_on: GoOn<'_>) -> Result<Arc<VideoLibrary>> {
+    pub fn video_library_while(&self, set: VideoSet, go_on: GoOn<'_>) -> Result<Arc<VideoLibrary>> {
         let Some(pictures) = self.pictures().filter(|_| self.distractors.axes.background) else {
             return Ok(Arc::new(VideoLibrary::none()));
         };

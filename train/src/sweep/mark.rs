@@ -31,15 +31,18 @@ pub struct Mark {
     /// Why the stage after them failed.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub error: Option<String>,
+    /// Why that stage has to wait, while it does.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub waiting: Option<String>,
 }
 
 /// How a stage ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum StageEnd {
     /// Done.
     Done,
-    /// Somebody else is at it, or it was stopped: the same command, later.
-    Again,
+    /// The same command, later: somebody else is at it, as is said here, or it was stopped.
+    Again(Option<String>),
 }
 
 impl Mark {
@@ -53,6 +56,7 @@ impl Mark {
             stages: element.stages.iter().map(portable).collect(),
             finished: 0,
             error: None,
+            waiting: None,
         }
     }
 
@@ -92,7 +96,7 @@ impl Mark {
             .collect()
     }
 
-    /// Settings and the options of every stage, by name.
+    /// Settings and the options of every stage, by name; one that is given again, by its name and which time it is, so that none hides another.
     fn options(&self) -> BTreeMap<String, String> {
         let mut all = self.settings.clone();
         for (number, words) in self.stages.iter().enumerate() {
@@ -100,20 +104,29 @@ impl Mark {
             let mut last = None::<String>;
             for (place, word) in words.iter().enumerate() {
                 let (key, value) = match (word.strip_prefix('-'), last.take()) {
+                    (None, Some(option)) => (option, word.clone()),
+                    (None, None) => (format!("stage {stage} word {place}"), word.clone()),
                     (Some(_), _) => match word.split_once('=') {
-                        Some((key, value)) => (format!("stage {stage} {key}"), value.to_owned()),
+                        Some((option, value)) => (unused(&all, format!("stage {stage} {option}")), value.to_owned()),
                         None => {
-                            last = Some(word.clone());
-                            (format!("stage {stage} {word}"), "given".to_owned())
+                            let option = unused(&all, format!("stage {stage} {word}"));
+                            (last.insert(option).clone(), "given".to_owned())
                         }
                     },
-                    (None, Some(option)) => (format!("stage {stage} {option}"), word.clone()),
-                    (None, None) => (format!("stage {stage} word {place}"), word.clone()),
                 };
                 all.insert(key, value);
             }
         }
         all
+    }
+
+    /// Notes why the stage at hand waits, where that is another reason than before.
+    fn wait(&mut self, reason: Option<String>, element: &Element) -> Result<()> {
+        if self.waiting == reason {
+            return Ok(());
+        }
+        self.waiting = reason;
+        self.write(element)
     }
 
     fn write(&self, element: &Element) -> Result<()> {
@@ -126,6 +139,18 @@ impl Mark {
 
 fn path(folder: &Path) -> PathBuf {
     folder.join("sweep.json")
+}
+
+/// The key, or the key with the number of times that it is there already, this one included.
+fn unused(all: &BTreeMap<String, String>, key: String) -> String {
+    if !all.contains_key(&key) {
+        return key;
+    }
+    let mut time = 2;
+    while all.contains_key(&format!("{key} #{time}")) {
+        time += 1;
+    }
+    format!("{key} #{time}")
 }
 
 /// Does what is not done of an element yet, by `carry_out` for one command line after the other; none if all was done before.
@@ -143,17 +168,22 @@ pub fn run_element<E: From<TrainError> + std::fmt::Display>(
     if mark.is_done() {
         return Ok(None);
     }
-    mark.error = None;
+    (mark.error, mark.waiting) = (None, None);
     mark.write(element)?;
     while let Some(words) = element.stages.get(mark.finished) {
         if stop.load(Ordering::Relaxed) {
-            return Ok(Some(StageEnd::Again));
+            mark.wait(None, element)?;
+            return Ok(Some(StageEnd::Again(None)));
         }
         match carry_out(words) {
-            Ok(StageEnd::Done) => mark.finished += 1,
-            Ok(StageEnd::Again) => std::thread::sleep(WAIT),
+            Ok(StageEnd::Again(reason)) => {
+                mark.wait(reason, element)?;
+                std::thread::sleep(WAIT);
+                continue;
+            }
+            Ok(StageEnd::Done) => (mark.finished, mark.waiting) = (mark.finished + 1, None),
             Err(error) => {
-                mark.error = Some(format!("{error:#}: {}", line(words)));
+                (mark.error, mark.waiting) = (Some(format!("{error:#}: {}", line(words))), None);
                 mark.write(element)?;
                 return Err(error);
             }
@@ -162,3 +192,7 @@ pub fn run_element<E: From<TrainError> + std::fmt::Display>(
     }
     Ok(Some(StageEnd::Done))
 }
+
+#[cfg(test)]
+#[path = "mark/tests.rs"]
+mod tests;

@@ -52,7 +52,7 @@ pub struct Status {
     pub objective: Option<f64>,
     /// Seconds since the metrics last grew.
     pub seconds_since: Option<f64>,
-    /// Why it failed, or who is at it.
+    /// Why it failed, or who is at it and what that waits for.
     pub note: Option<String>,
 }
 
@@ -113,8 +113,17 @@ fn found(element: &Element) -> Result<Status> {
         seconds_left: left.zip(pace).filter(|(_, pace)| *pace > 0.0).map(|(left, pace)| left / pace),
         objective: metrics.last("objective"),
         seconds_since: since,
-        note: owner.or_else(|| mark.and_then(|mark| mark.error)),
+        note: note(owner, mark),
     })
+}
+
+/// Who is at a run, with what it waits for if it does; or why it failed.
+fn note(owner: Option<String>, mark: Option<Mark>) -> Option<String> {
+    let (error, waiting) = mark.map_or((None, None), |mark| (mark.error, mark.waiting));
+    match (owner, waiting) {
+        (Some(owner), Some(reason)) => Some(format!("{owner}; waiting: {reason}")),
+        (owner, _) => owner.or(error),
+    }
 }
 
 /// Control steps that an online run is to live through, with a world model or without.

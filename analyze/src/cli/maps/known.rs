@@ -13,17 +13,22 @@ use crate::output::MapTable;
 /// The version of the layouts: one more whenever the same latents, options and seed would give another map, so that those of older programs are made anew.
 const LAYOUT: u32 = 1;
 
-/// How a map is made, as its file holds it: the layout's version, options, seed, and the latents' checksum.
+/// How a map is made, as its file holds it: the layout's version, options, seed, and the latents' checksum, twice where they were moved to be placed on another map.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Recipe(Value);
 
 impl Recipe {
-    /// That of the session's latents with these options.
-    pub(super) fn new(options: &MapOptions, session: &Session, old: Option<&OldMap>) -> Self {
-        Self(json!({
+    /// That of the session's latents with these options; `latents` is their checksum as the file holds them, before they were moved to the origin of the old map's.
+    pub(super) fn new(options: &MapOptions, session: &Session, latents: &str, old: Option<&OldMap>) -> Self {
+        let mut recipe = json!({
             "layout": LAYOUT, "options": relative_paths(options.json(), &session.out), "seed": session.seed,
-            "latents": checksum(&session.latents), "onto": old.map(OldMap::checksum),
-        }))
+            "latents": latents, "onto": old.map(OldMap::checksum),
+        });
+        // Where they were moved to tells maps on old ones of other origins apart; all others are known without it, as before.
+        if let Some(moved) = old.map(|_old| checksum(&session.latents)).filter(|moved| moved != latents) {
+            recipe["moved"] = moved.into();
+        }
+        Self(recipe)
     }
 
     /// As it stands in the file.

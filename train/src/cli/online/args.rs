@@ -39,6 +39,13 @@ pub(super) struct WorkArgs {
     /// Updates that imagine --short-horizon steps.
     #[arg(long, value_name = "N", requires = "short_horizon")]
     short_for: Option<u64>,
+    /// Control steps, with commas between them, after each of which world model, actor and critic begin anew with new weights on all that was lived through: against a model
+    /// that has learned its first episodes by heart, as happens where a run begins from nothing [default: never].
+    #[arg(long, value_name = "N,…", value_delimiter = ',')]
+    reset_at: Option<Vec<u64>>,
+    /// Updates after each of these before the next episode [default: 4000].
+    #[arg(long, value_name = "N", requires = "reset_at")]
+    reset_updates: Option<u64>,
     /// Standard deviation of noise on executed actions, in units of −1..1 [default: 0.3].
     #[arg(long, value_name = "X")]
     exploration: Option<f64>,
@@ -164,6 +171,13 @@ impl WorkArgs {
         put(&mut options.critic_first, self.critic_first);
         put(&mut options.short_horizon, self.short_horizon);
         put(&mut options.short_for, self.short_for);
+        if let Some(reset_at) = &self.reset_at {
+            if options.reset_at.is_empty() {
+                options.reset_updates = OnlineOptions::DEFAULT_RESET_UPDATES;
+            }
+            options.reset_at.clone_from(reset_at);
+        }
+        put(&mut options.reset_updates, self.reset_updates);
         put(&mut options.exploration, self.exploration);
         put(&mut options.evaluate_every, self.evaluate_every);
         put(&mut options.evaluation_episodes, self.evaluation_episodes);

@@ -29,6 +29,20 @@ impl OnlineArgs {
         }
     }
 
+    /// That what was given can be, as far as that is known without a world or a run: for a sweep, before anything of it is begun.
+    pub(crate) fn check_typed(&self) -> Result<()> {
+        if self.from.task.is_none() {
+            // It lies over the options of a run, which may have yet to be made.
+            return Ok(());
+        }
+        let model_free = self.model_free.named(self.system())?;
+        if model_free.is_asked() {
+            return model_free.picture_size().map(|_pixels| ());
+        }
+        self.check_beginning(Beginning::Nothing)?;
+        check_same(&self.options.resolve()?, &Options::preset(self.options.preset())?, false)
+    }
+
     /// That none of these options was given.
     pub(super) fn refuse<'a>(&self, options: impl IntoIterator<Item = &'a str>, why: &str) -> Result<()> {
         refuse(&self.given, options, why)
@@ -44,6 +58,8 @@ impl OnlineArgs {
                 "critic_first",
                 "short_horizon",
                 "short_for",
+                "reset_at",
+                "reset_updates",
                 "exploration",
             ];
             let work = work.into_iter().map(str::to_owned);

@@ -24,10 +24,11 @@ pub(super) fn here(
     let mut failed = Vec::new();
     for &index in chosen {
         let element = &elements[index];
-        match run_element(element, stop, &mut |words| carry_out(context, words, verb, stop)) {
+        let mut said = Said::default();
+        match run_element(element, stop, &mut |words| carry_out(context, words, &mut said, (verb, stop))) {
             Ok(None) => say(context, &format!("run {index} is done already: {}", element.folder.display())),
             Ok(Some(StageEnd::Done)) => say(context, &format!("run {index} is done: {}", element.folder.display())),
-            Ok(Some(StageEnd::Again)) => {
+            Ok(Some(StageEnd::Again(_))) => {
                 say(context, &format!("run {index} is saved; the same command goes on: {}", element.folder.display()));
                 return Ok(Ending::Again);
             }
@@ -54,23 +55,65 @@ pub(super) fn ended(failed: &[usize], runs: usize) -> Result<Ending> {
     )
 }
 
-/// Carries out one command line: this program's own verbs in this process, another program as a child.
-fn carry_out(context: &Context, words: &[String], verb: Verb, stop: &AtomicBool) -> Result<StageEnd> {
-    say(context, &line(words));
-    let ending = if words[0] == "vibes-train" {
-        let mut cli = parse::<Cli>(words).map_err(|error| TrainError::Options(error_text(&error)))?;
-        cli.output.quiet |= context.quiet;
-        match verb(cli) {
-            Err(error) if judge(&error) == Ending::Again => Ending::Again,
-            ending => ending?,
+/// What was said of the stage at hand, which may be tried again and again: everything once.
+#[derive(Default)]
+struct Said {
+    line: String,
+    waiting: String,
+}
+
+impl Said {
+    fn stage(&mut self, context: &Context, words: &[String]) {
+        let line = line(words);
+        if self.line != line {
+            say(context, &line);
+            *self = Self { line, waiting: String::new() };
         }
+    }
+
+    fn waiting(&mut self, context: &Context, reason: &str) {
+        if self.waiting != reason {
+            say(context, &format!("waiting: {reason}"));
+            reason.clone_into(&mut self.waiting);
+        }
+    }
+}
+
+/// Carries out one command line: this program's own verbs in this process, another program as a child.
+fn carry_out(
+    context: &Context,
+    words: &[String],
+    said: &mut Said,
+    (verb, stop): (Verb, &AtomicBool),
+) -> Result<StageEnd> {
+    said.stage(context, words);
+    let (ending, reason) = if words[0] == "vibes-train" {
+        own(context, words, verb)?
     } else {
-        other(words, context.quiet, stop)?
+        (other(words, context.quiet, stop)?, format!("{} asks to be started again", words[0]))
     };
     match ending {
-        Ending::Done => Ok(StageEnd::Done),
-        Ending::Again => Ok(StageEnd::Again),
+        Ending::Done => {
+            *said = Said::default();
+            Ok(StageEnd::Done)
+        }
+        // What was stopped waits for nobody.
+        Ending::Again if reason.is_empty() || stop.load(Ordering::Relaxed) => Ok(StageEnd::Again(None)),
+        Ending::Again => {
+            said.waiting(context, &reason);
+            Ok(StageEnd::Again(Some(reason)))
+        }
         Ending::Failed | Ending::Wrong | Ending::DataLost => bail!("exit code {}", ending.code()),
+    }
+}
+
+/// Carries out one of this program's own verbs; where that is to be done again because of an error, with its text.
+fn own(context: &Context, words: &[String], verb: Verb) -> Result<(Ending, String)> {
+    let mut cli = parse::<Cli>(words).map_err(|error| TrainError::Options(error_text(&error)))?;
+    cli.output.quiet |= context.quiet;
+    match verb(cli) {
+        Err(error) if judge(&error) == Ending::Again => Ok((Ending::Again, error_text(&error))),
+        ending => Ok((ending?, String::new())),
     }
 }
 

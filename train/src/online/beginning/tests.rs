@@ -5,6 +5,7 @@ use vibes_data::RunFolder;
 use super::super::prepare::{again, default_options, default_world, from_run};
 use super::super::protocol::Protocol;
 use super::*;
+use crate::keep::{Extent, keep};
 use crate::options::Options;
 
 const PIXELS: ObservationKind = ObservationKind::Pixels { height: 32, width: 32 };
@@ -25,6 +26,22 @@ fn sample(place: &Path) -> Recording {
 /// An offline run at `path` on a copy of the sample at `recording`, before its first update.
 fn run_on(path: &Path, recording: &Path) -> Run {
     crate::prepare::prepare(path, &[sample(recording)], &Options::preset("tiny").unwrap(), None).unwrap()
+}
+
+/// The run at `path`, going on from another, which is there or not.
+fn going_on_from(path: &Path, from: &str) -> Run {
+    let file = RunFolder::at(path).info_path();
+    let mut info: Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
+    info["from"] = from.into();
+    std::fs::write(&file, info.to_string()).unwrap();
+    Run::open(path).unwrap()
+}
+
+/// Gives the episodes of a recording other seeds: another two state trajectories.
+fn reseed(recording: &Recording) {
+    let mut manifest = recording.manifest().clone();
+    manifest.episodes.iter_mut().for_each(|entry| entry.seed += 1);
+    manifest.write(&recording.path().join("manifest.json")).unwrap();
 }
 
 fn options() -> OnlineOptions {
@@ -77,11 +94,7 @@ fn what_cannot_be_known_is_not_said_and_refused_under_a_protocol() {
     let [path, recording, next] = ["run", "recording", "next"].map(|name| folder.path().join(name));
     run_on(&path, &recording);
     std::fs::remove_dir_all(&recording).unwrap();
-    let file = RunFolder::at(&path).info_path();
-    let mut info: Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
-    info["from"] = "../nowhere".into();
-    std::fs::write(&file, info.to_string()).unwrap();
-    let run = Run::open(&path).unwrap();
+    let run = going_on_from(&path, "../nowhere");
     let unknown = settled(&next, &run, PIXELS, options()).unwrap();
     assert_eq!(begun(&unknown), (None, Some(GivenFrom::Unknown)));
     assert_eq!(given_control_steps(&run, &unknown, &[]), None, "not what happens to be left either");
@@ -94,20 +107,81 @@ fn what_cannot_be_known_is_not_said_and_refused_under_a_protocol() {
     assert_eq!(begun(&settled(&next, &run, PIXELS, published()).unwrap()), (None, None));
 }
 
-/// A run that went on from an online one began with what that one lived through too, which only its replay can tell.
+/// A run that went on from an online one began with what that one lived through too, which its replay or, without that, its checkpoint tells.
 #[test]
-fn what_an_online_run_before_lived_through_counts_and_a_copy_without_its_replay_does_not_say() {
+fn what_an_online_run_before_lived_through_counts_and_one_with_neither_replay_nor_checkpoint_does_not_say() {
     let folder = tempfile::tempdir().unwrap();
     let [path, recording, next] = ["run", "recording", "next"].map(|name| folder.path().join(name));
     let run = run_on(&path, &recording);
     options().keep(&path).unwrap();
     assert_eq!(begun(&settled(&next, &run, PIXELS, options()).unwrap()), (None, Some(GivenFrom::Unknown)));
-    let replay = sample(&path.join("replay"));
-    let mut manifest = replay.manifest().clone();
-    manifest.episodes.iter_mut().for_each(|entry| entry.seed += 1);
-    manifest.write(&replay.path().join("manifest.json")).unwrap();
+    reseed(&sample(&path.join("replay")));
     let settled = settled(&next, &run, PIXELS, options()).unwrap();
     assert_eq!(begun(&settled), (Some(2 * 2 * 12 * 4), Some(GivenFrom::Recordings)));
+}
+
+/// An online run has kept what it began with, so that the run before it need not be there; nor, for what it lived through itself, its replay.
+#[test]
+fn the_nearest_run_that_says_what_it_began_with_ends_the_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let [middle, path, recording, next] = ["middle", "run", "recording", "next"].map(|name| folder.path().join(name));
+    run_on(&middle, &recording);
+    going_on_from(&middle, "../nowhere");
+    let given = (Some(1000), Some(GivenFrom::Recordings));
+    OnlineOptions { given_control_steps: given.0, given_from: given.1, ..options() }.keep(&middle).unwrap();
+    run_on(&path, &recording);
+    let run = going_on_from(&path, "../middle");
+    let settle = |options| settled(&next, &run, PIXELS, options);
+    // Neither a replay nor a checkpoint says how much the run between lived through.
+    assert_eq!(begun(&settle(options()).unwrap()), (None, Some(GivenFrom::Unknown)));
+    reseed(&sample(&middle.join("replay")));
+    // The recording that both have learned from is among the thousand.
+    let counted = (Some(1000 + 2 * 12 * 4), Some(GivenFrom::Recordings));
+    assert_eq!(begun(&settle(options()).unwrap()), counted);
+    let world = WorldOptions { videos: VideoSource::Folder(folder.path().join("films")), ..options().world };
+    let told = (counted.0, Some(GivenFrom::RunFile));
+    let other = settle(OnlineOptions { world, ..options() }).unwrap();
+    assert_eq!(begun(&other), told, "nobody has looked whether these videos were seen before");
+    // As in a kept copy.
+    for taken in [middle.join("replay"), recording.clone()] {
+        std::fs::remove_dir_all(taken).unwrap();
+    }
+    let checkpoint = RunFolder::at(&middle).checkpoint_path(7);
+    std::fs::create_dir_all(&checkpoint).unwrap();
+    std::fs::write(checkpoint.join("online.json"), "{\"control_steps\":400}").unwrap();
+    assert_eq!(begun(&settle(published()).unwrap()), (Some(1000 + 400), Some(GivenFrom::RunFile)));
+}
+
+/// A copy is sent to somebody without the runs before it, which would have counted.
+#[test]
+fn a_kept_copy_says_what_the_run_began_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, path, other, copy, again, next] =
+        ["first", "run", "other", "copy", "again", "next"].map(|name| folder.path().join(name));
+    run_on(&first, &folder.path().join("recording"));
+    run_on(&path, &other);
+    reseed(&Recording::open(&other).unwrap());
+    let run = going_on_from(&path, "../first");
+    std::fs::create_dir_all(run.checkpoint_path(1)).unwrap();
+    let kept = |from: &Run, to: &Path| {
+        keep(from, to, Extent::Training).unwrap();
+        Run::open(to).unwrap()
+    };
+    let whole = HeadStart { given_control_steps: Some(2 * 12 * 4), given_from: GivenFrom::Recordings };
+    let found = kept(&run, &copy);
+    assert_eq!((found.info().began_with, found.info().from.as_deref()), (Some(whole), Some("runs/first")));
+    for gone in [&first, &folder.path().join("recording"), &other] {
+        std::fs::remove_dir_all(gone).unwrap();
+    }
+    // A copy of the copy says it too; that the run before it is gone is no reason to refuse.
+    let found = kept(&found, &again);
+    assert_eq!(found.info().began_with, Some(whole));
+    let settled = settled(&next, &found, PIXELS, published()).unwrap();
+    assert_eq!(begun(&settled), (Some((2 + 6) * 12 * 4), Some(GivenFrom::RunFile)));
+    // Under which videos all that was is not known.
+    assert!(!found.seen().is_whole && notes(&going_on_from(&path, "../again"), &settled).len() == 2);
+    // Nor does a run that names itself by mistake lead round and round.
+    assert!(!going_on_from(&path, "../run").before().1);
 }
 
 #[test]

@@ -47,6 +47,24 @@ fn a_longer_run_hides_no_other_change() {
     assert_eq!(published.first_difference(&longer).map(|(key, ..)| key).as_deref(), Some("control_steps"));
 }
 
+#[test]
+fn beginning_anew_is_due_once_at_each_of_its_control_steps_and_not_at_the_end() {
+    let found = default_options(default_world("cartpole-swingup").unwrap(), false);
+    let resets = OnlineOptions { reset_at: vec![20_000, 60_000], reset_updates: 4000, ..found.clone() };
+    resets.check().and_then(|()| resets.check_new(false)).unwrap();
+    let due = |resets_before, control_steps| resets.is_reset_due(resets_before, control_steps);
+    assert_eq!([due(0, 19_999), due(0, 20_000), due(1, 20_000), due(1, 61_000)], [false, true, false, true]);
+    assert_eq!([due(2, 400_000), due(1, 500_000), found.is_reset_due(0, 400_000)], [false; 3]);
+    assert_eq!(resets.whole_updates(128, false), found.whole_updates(128, false) + 8000);
+    for wrong in [vec![0], vec![5, 5], vec![7, 5]] {
+        let error = OnlineOptions { reset_at: wrong, ..resets.clone() }.check().unwrap_err().to_string();
+        assert!(error.contains("--reset-at is") && error.contains("rise"), "{error}");
+    }
+    let late = OnlineOptions { control_steps: 60_000, ..resets.clone() };
+    assert!(late.check_new(false).unwrap_err().to_string().contains("--reset-at has 60000"));
+    assert_eq!(found.first_difference(&resets).map(|(key, ..)| flag(&key)).as_deref(), Some("reset-at"));
+}
+
 /// Whose first four videos are missing, four others would train under the protocol's name.
 #[test]
 fn a_protocol_takes_davis_with_the_first_of_both_lists() {
