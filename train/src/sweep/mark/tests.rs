@@ -1,3 +1,5 @@
+//! What a sweep notes of an element: options that are given twice, what a stage waits for, and how it is stopped.
+
 use super::*;
 
 fn element(folder: &Path, stages: &[&str]) -> Element {

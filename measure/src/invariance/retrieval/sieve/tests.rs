@@ -1,3 +1,5 @@
+//! Against distances in double precision, also where rows tie or lie close together.
+
 use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
