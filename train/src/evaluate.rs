@@ -29,6 +29,7 @@ mod took;
 pub use feature_table::Features;
 pub use features::features;
 pub use gaps::{GapOptions, Gaps, Judged, Likelihoods, check_gaps, check_windows, gaps};
+pub(crate) use held_out::films;
 pub use held_out::{GridVideos, are_videos_new_to, is_held_out, is_new_to, shared_starts, videos_of};
 pub use open_loop::open_loop;
 pub use rows::{Acting, Rows, trajectories};

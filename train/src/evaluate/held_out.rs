@@ -72,7 +72,7 @@ pub fn are_videos_new_to(grid: &Recording, seen: &Seen) -> Option<bool> {
 }
 
 /// The videos of a recording and where they come from, which every part of a merged one says of its own.
-fn films(recording: &Recording) -> Vec<(VideoSource, Video)> {
+pub(crate) fn films(recording: &Recording) -> Vec<(VideoSource, Video)> {
     let manifest = recording.manifest();
     let sourced = |options: &Value, videos: Vec<Video>| -> Vec<(VideoSource, Video)> {
         let source: Option<VideoSource> = serde_json::from_value(options["videos"].clone()).ok();

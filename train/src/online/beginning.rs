@@ -6,15 +6,14 @@ mod given;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use serde_json::Value;
-use vibes_data::{HeadStart, Recording, Video};
-use vibes_env::videos::VideoSource;
+use vibes_data::{HeadStart, Recording};
 use vibes_env::{Environment, EnvironmentOptions};
 use vibes_model::ObservationKind;
 
 use self::given::{Past, control_steps_of};
 use super::options::{GivenFrom, OnlineOptions, WorldOptions};
 use crate::error::{Result, TrainError};
+use crate::evaluate::films;
 use crate::run::Run;
 use crate::summary::given_in_words;
 
@@ -112,25 +111,6 @@ fn seen_before(past: &Past, world: &WorldOptions) -> BTreeSet<String> {
     let known = past.online().filter(|online| online.world.videos == world.videos);
     let seen = known.flat_map(|online| &online.held_out_seen);
     seen.filter(|name| held_out.contains(*name)).cloned().collect()
-}
-
-/// The videos of a recording and where they come from, which every part of a merged one says of its own.
-fn films(recording: &Recording) -> Vec<(VideoSource, Video)> {
-    let manifest = recording.manifest();
-    let sourced = |options: &Value, videos: Vec<Video>| -> Vec<(VideoSource, Video)> {
-        let source: Option<VideoSource> = serde_json::from_value(options["videos"].clone()).ok();
-        let Some(source) = source.map(|source| source.found(recording.path())) else { return Vec::new() };
-        videos.into_iter().map(|video| (source.clone(), video)).collect()
-    };
-    let Some(parts) = manifest.options["merged"].as_array() else {
-        return sourced(&manifest.options, manifest.videos.clone());
-    };
-    let of_part = |part: &Value| {
-        let places = part["videos"].as_array().into_iter().flatten().filter_map(Value::as_u64);
-        let videos = places.filter_map(|place| manifest.videos.get(usize::try_from(place).ok()?).cloned());
-        sourced(&part["options"], videos.collect())
-    };
-    parts.iter().flat_map(of_part).collect()
 }
 
 /// What is to be known of a run's beginning, a sentence each.

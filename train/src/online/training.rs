@@ -83,7 +83,7 @@ impl Training<'_> {
 
     /// World model, actor and critic with new weights, for all that has been lived through. A network that has fitted a few episodes for long holds less of the many that follow than
     /// one that begins with them: it keeps what told the first ones apart (Nikishin et al. 2022, "The primacy bias in deep reinforcement learning", whose remedy this is).
-    fn reset(&mut self, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<(Learners, Go)> {
+    fn reset(&mut self, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Learners> {
         let Setup { run, options, device, .. } = *self.setup;
         self.state.resets += 1;
         self.state.updates_before_reset = self.state.updates;
@@ -92,7 +92,9 @@ impl Training<'_> {
         let windows = || Ok(self.replay.draw(CALIBRATION_WINDOWS, &mut rng));
         let learner = new_learner(run, self.state.resets, windows, device)?;
         let (control_steps, updates) = (self.state.control_steps, options.reset_updates);
-        Ok(((learner, self.new_behaviour()), listen(Event::Reset { control_steps, updates })))
+        // Who wants to stop now is heard at the next update, after which what was lived through is saved.
+        listen(Event::Reset { control_steps, updates });
+        Ok((learner, self.new_behaviour()))
     }
 
     /// Actor and critic before their first update, of the world model's newest weights.
@@ -120,7 +122,7 @@ impl Training<'_> {
                     return Ok(self.end());
                 }
                 match self.setup.options.is_reset_due(self.state.resets, self.state.control_steps) {
-                    true => self.reset(listen)?,
+                    true => (self.reset(listen)?, Go::On),
                     false => self.round(learners, listen)?,
                 }
             };

@@ -1,6 +1,8 @@
 //! What a run began with: counted once, kept when recordings are taken away, and refused under a protocol where it cannot be.
 
+use serde_json::Value;
 use vibes_data::RunFolder;
+use vibes_env::videos::VideoSource;
 
 use super::super::prepare::{again, default_options, default_world, from_run};
 use super::super::protocol::Protocol;
