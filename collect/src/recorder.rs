@@ -3,27 +3,32 @@
 //! In: [`RecordOptions`], a seed, a folder, and a [`Source`] of what need not be made anew. Out: a recording. Every worker thread has a simulation,
 //! policies and a render context of its own; which thread does what never changes a byte.
 
+mod acting;
+mod evaluate;
+mod queue;
 mod source;
 mod worker;
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 use vibes_data::{Recording, RecordingWriter};
 
+pub use evaluate::evaluate;
 pub use source::Source;
 
 use crate::keys::SUBSET;
 use crate::plan::{PlannedEpisode, RecordOptions};
 use crate::sound::{unplanned, unplanned_in_words};
 use crate::stored::Acted;
-use crate::studio::StudioSettings;
 use crate::trained::policy;
 use crate::{Error, Result};
+use acting::Stage;
+use queue::Queue;
 use source::Stored;
-use vibes_env::render::{RenderSettings, check_drawing};
+use vibes_env::render::RenderSettings;
 use vibes_env::videos::VideoLibrary;
 use vibes_env::{EnvironmentOptions, Policy, PolicyMix, PolicySpec};
 use worker::Worker;
@@ -111,16 +116,13 @@ type Job = (PlannedEpisode, Arc<Row>);
 /// What all workers share.
 struct Shared<'a> {
     path: &'a Path,
-    run: &'a RecordRun<'a>,
+    stage: Stage<'a>,
     /// None where nothing is acted out.
     mix: Option<PolicyMix>,
-    studio: StudioSettings,
     stored: Stored<'a>,
     writer: &'a RecordingWriter,
-    jobs: Mutex<std::vec::IntoIter<Job>>,
-    failure: Mutex<Option<Error>>,
+    queue: Queue<'a, Job>,
     rows: AtomicU64,
-    report: &'a (dyn Fn(Progress) + Sync),
 }
 
 /// Records what is not there yet.
@@ -135,12 +137,9 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
         Some(recording) => error.in_file(recording.path()),
         None => error,
     })?;
-    if options.size.is_some() || options.acting.iter().any(|acting| acting.pictures.is_some()) {
-        // Before anything is on disk: a machine without EGL leaves no empty recording behind.
-        check_drawing()?;
-    }
-    let seen = options.seen().map(|pictures| run.videos_for(pictures, report)).transpose()?;
-    let videos = seen.unwrap_or_else(|| Arc::new(VideoLibrary::none()));
+    // Before anything is on disk: a machine without EGL leaves no empty recording behind.
+    let stage = Stage::open(run, &environment, report)?;
+    let videos = stage.studio.videos().videos();
     // What is drawn again was acted out by whoever its recording names, which need be no mix: an online run says `random`, and Python says `python`.
     let mix = run.source.acts().then(|| options.policy.parse::<PolicyMix>()).transpose()?;
     if let Some(mix) = &mix
@@ -150,37 +149,30 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
         // Nor does a file of actions that does not fit.
         mix.shares().iter().try_for_each(|(policy, _)| policy.check(options.steps, &environment))?;
     }
-    let mut manifest = options.manifest(path, run.seed, &environment, videos.videos());
+    let mut manifest = options.manifest(path, run.seed, &environment, videos);
     if let Some(part) = run.source.subset() {
         manifest.options[SUBSET] = part.clone();
     }
-    run.source.check_videos(videos.videos())?;
+    run.source.check_videos(videos)?;
     let writer = RecordingWriter::create_or_resume(path, manifest, run.with_mcap)?;
     let resumed = Recording::open(path)?;
     if run.source.acts() {
         check_planned(&resumed, options)?;
     }
     let jobs = jobs_of(run.source.episodes(options), &writer, run.threads);
-    let wanted = jobs.len();
+    let threads = run.threads.min(cores()).clamp(1, jobs.len().max(1));
     let shared = Shared {
         path,
-        run,
+        stage,
         mix,
-        studio: StudioSettings::new(options, run.seed, &environment, videos)?,
         stored: Stored::new(run.source, &resumed),
         writer: &writer,
-        jobs: Mutex::new(jobs.into_iter()),
-        failure: Mutex::new(None),
+        queue: Queue::new(jobs, run.stop),
         rows: AtomicU64::new(0),
-        report,
     };
     shared.tell();
-    std::thread::scope(|scope| {
-        for _ in 0..run.threads.min(cores()).clamp(1, wanted.max(1)) {
-            scope.spawn(|| shared.fail_on(Worker::new(&shared).and_then(|mut worker| worker.work())));
-        }
-    });
-    let failure = shared.failure.into_inner().unwrap_or_else(PoisonError::into_inner);
+    shared.queue.share(threads, || Worker::new(&shared).and_then(|mut worker| worker.work()));
+    let failure = shared.queue.into_failure();
     let recording = writer.finish();
     // What went wrong first is what to say, even when the manifest could not be completed after it.
     failure.map_or_else(|| Ok(recording?), Err)
@@ -209,29 +201,11 @@ fn jobs_of(planned: Vec<PlannedEpisode>, writer: &RecordingWriter, threads: usiz
 }
 
 impl Shared<'_> {
-    fn next_job(&self) -> Option<Job> {
-        if self.run.stop.load(Ordering::Relaxed) {
-            return None;
-        }
-        self.jobs.lock().unwrap_or_else(PoisonError::into_inner).next()
-    }
-
-    fn fail_on(&self, outcome: Result<()>) {
-        // Who was stopped while videos were made is one of those that were stopped, and nothing went wrong.
-        if let Err(error) = outcome
-            && !matches!(error, Error::World(vibes_env::Error::Stopped))
-        {
-            self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
-            // Nobody takes another job.
-            *self.jobs.lock().unwrap_or_else(PoisonError::into_inner) = Vec::new().into_iter();
-        }
-    }
-
     fn tell(&self) {
-        (self.report)(Progress {
+        (self.stage.report)(Progress {
             preparing: 0,
             episodes: self.writer.len() as u64,
-            wanted: u64::from(self.run.options.episodes),
+            wanted: u64::from(self.stage.run.options.episodes),
             rows: self.rows.load(Ordering::Relaxed),
         });
     }

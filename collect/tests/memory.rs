@@ -1,4 +1,4 @@
-//! Memory does not grow with the number of episodes.
+//! Memory does not grow with the number of episodes, and with the length of one by no more copies of its pictures than the recorder has to make.
 
 #![cfg(target_os = "linux")]
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
@@ -33,4 +33,18 @@ fn many_episodes_take_no_more_memory_than_few() {
         assert!(few > 0 && many < 600, "{distract}: {many} MB");
         assert!(many < few + 60, "{distract}: {few} MB for 6 episodes, {many} MB for 90");
     }
+}
+
+/// The pictures as they were drawn, as Arrow's message and as the bytes of the file: one copy more is a sixth of all memory here.
+#[test]
+fn a_long_episode_is_in_memory_three_times_and_no_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let peak_of = |steps: u64| {
+        let options = format!("--episodes 1 --steps {steps} --size 84 --no-mcap --threads 1 --distract none");
+        peak(folder.path(), &format!("{options} -o long-{steps}"))
+    };
+    let pictures = |steps: u64| steps * 84 * 84 * 3 / 1_000_000;
+    let (short, long) = (peak_of(30), peak_of(3000));
+    let most = (pictures(3000) - pictures(30)) * 36 / 10;
+    assert!(short > 0 && long - short < most, "{short} MB for 30 steps, {long} MB for 3000; {most} MB more may be");
 }

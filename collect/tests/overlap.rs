@@ -2,6 +2,8 @@
 
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
+#[path = "../../data/tests/older/mod.rs"]
+mod older;
 #[allow(dead_code, reason = "each test file uses a part of it")]
 #[path = "../../data/tests/synthetic/mod.rs"]
 mod synthetic;
@@ -10,15 +12,15 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-use arrow::ipc::writer::FileWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use vibes_collect::care::export::{ExportFormat, Pictures, export};
 use vibes_collect::care::merge::{merge, merged_parts};
 use vibes_collect::care::select::write_subset;
 use vibes_collect::care::split::{SplitBy, shared_trajectories, split};
 use vibes_collect::returns::Returns;
-use vibes_data::{Episode, FileEntry, FileTransfer, Recording, RecordingWriter, read_table, verify_recording};
+use vibes_data::{Episode, FileTransfer, Recording, RecordingWriter, verify_recording};
 
+use older::make_older;
 use synthetic::{episode, episodes, info, manifest, spec};
 
 /// So many plain episodes, asked for as that many, each changed as the caller likes.
@@ -94,31 +96,13 @@ fn views_of_one_trajectory_are_divided_together_and_counted_once() {
     assert!(error.contains("1 state trajectories") && Returns::of(&pair).unwrap().returns.len() == 1, "{error}");
 }
 
-/// The table of an episode as an earlier version wrote it, before there was the column of what a policy saw.
-fn make_older(recording: &Recording, index: usize) {
-    let name = recording.episodes()[index].arrow.path.clone();
-    let path = recording.path().join(&name);
-    let batch = read_table(&path).unwrap().remove(0);
-    let kept: Vec<usize> =
-        (0..batch.num_columns()).filter(|&at| batch.schema().field(at).name() != "acting_distractor").collect();
-    let older = batch.project(&kept).unwrap();
-    let mut writer = FileWriter::try_new(Vec::new(), &older.schema()).unwrap();
-    writer.write(&older).unwrap();
-    writer.finish().unwrap();
-    let bytes = writer.into_inner().unwrap();
-    fs::write(&path, &bytes).unwrap();
-    let mut listed = recording.manifest().clone();
-    listed.episodes[index].arrow = FileEntry::of(name, &bytes);
-    listed.write(&recording.path().join("manifest.json")).unwrap();
-}
-
 /// Readers that take all tables for one ask for one schema.
 #[test]
 fn what_is_made_of_older_recordings_has_one_schema() {
     let folder = tempfile::tempdir().unwrap();
     let place = |name: &str| folder.path().join(name);
     let (older, other) = (listed(&place("older"), 2, |_| {}), listed(&place("other"), 2, drawn_again));
-    make_older(&older, 0);
+    make_older(older.path(), 0);
     let older = Recording::open(&place("older")).unwrap();
     let columns = |of: &Recording, index: u32| of.episode(index).unwrap().table().num_columns();
     assert_eq!(columns(&older, 0) + 1, columns(&older, 1), "an earlier version left it so");

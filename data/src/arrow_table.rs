@@ -1,6 +1,7 @@
 //! An episode as an Arrow table: one row per agent step, one record batch per file, nothing compressed, so that it can be
 //! memory-mapped. In: an [`Episode`]. Out: the bytes of an Arrow IPC file, and the schema that every such file must have.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -63,8 +64,17 @@ pub fn episode_schema(spec: &Spec) -> Schema {
 }
 
 /// The bytes of the Arrow file of one episode; `entry` goes into the schema's metadata. In a recording that `is_older` than the column of the distractor that a policy saw, a table has
-/// it only where it says something.
-pub(crate) fn arrow_bytes(episode: &Episode, spec: &Spec, entry: &EpisodeEntry, is_older: bool) -> Result<Vec<u8>> {
+/// it only where it says something. The pictures of an owned episode are not copied before they are in the file.
+pub(crate) fn arrow_bytes(
+    mut episode: Cow<'_, Episode>,
+    spec: &Spec,
+    entry: &EpisodeEntry,
+    is_older: bool,
+) -> Result<Vec<u8>> {
+    let pixels = match &mut episode {
+        Cow::Borrowed(episode) => Buffer::from_slice_ref(&episode.pixels),
+        Cow::Owned(episode) => Buffer::from_vec(std::mem::take(&mut episode.pixels)),
+    };
     let as_error =
         |fact: String| Error::Episode { index: episode.index, fact, expected: "columns that Arrow can hold".into() };
     let entry = serde_json::to_string(entry).map_err(|error| as_error(error.to_string()))?;
@@ -72,8 +82,10 @@ pub(crate) fn arrow_bytes(episode: &Episode, spec: &Spec, entry: &EpisodeEntry, 
     let is_left_out = |name: &str| is_older && episode.acting_distractor.is_none() && name == ACTING_DISTRACTOR;
     let write = || -> std::result::Result<Vec<u8>, arrow::error::ArrowError> {
         let kept: Vec<usize> = (0..schema.fields().len()).filter(|&at| !is_left_out(schema.field(at).name())).collect();
-        let batch = RecordBatch::try_new(Arc::new(schema.clone()), columns(episode, spec)?)?.project(&kept)?;
-        let mut writer = FileWriter::try_new(Vec::with_capacity(episode.pixels.len() + 65_536), &batch.schema())?;
+        let capacity = pixels.len() + 65_536;
+        let columns = columns(&episode, pixels, spec)?;
+        let batch = RecordBatch::try_new(Arc::new(schema.clone()), columns)?.project(&kept)?;
+        let mut writer = FileWriter::try_new(Vec::with_capacity(capacity), &batch.schema())?;
         writer.write(&batch)?;
         writer.finish()?;
         writer.into_inner()
@@ -96,7 +108,12 @@ pub(crate) fn entry_of(schema: &SchemaRef, path: &Path) -> Result<EpisodeEntry> 
     })
 }
 
-fn columns(episode: &Episode, spec: &Spec) -> std::result::Result<Vec<ArrayRef>, arrow::error::ArrowError> {
+/// The columns of an episode whose pictures are `pixels`.
+fn columns(
+    episode: &Episode,
+    pixels: Buffer,
+    spec: &Spec,
+) -> std::result::Result<Vec<ArrayRef>, arrow::error::ArrowError> {
     let rows = episode.rows();
     let last = episode.steps();
     let flag = |set: &dyn Fn(usize) -> bool| -> ArrayRef {
@@ -133,8 +150,7 @@ fn columns(episode: &Episode, spec: &Spec) -> std::result::Result<Vec<ArrayRef>,
         }
     }
     if let Some(size) = spec.pixels {
-        let bytes = Buffer::from_slice_ref(&episode.pixels);
-        columns.push(Arc::new(FixedSizeBinaryArray::try_new(size.bytes() as i32, bytes, None)?));
+        columns.push(Arc::new(FixedSizeBinaryArray::try_new(size.bytes() as i32, pixels, None)?));
     }
     columns.push(cameras(episode)?);
     let background = |pick: fn(crate::BackgroundFrame) -> u32| -> ArrayRef {

@@ -4,6 +4,7 @@
 mod files;
 mod request;
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -118,7 +119,15 @@ impl RecordingWriter {
     /// # Errors
     /// [`Error::Episode`] when its columns do not fit the spec, [`Error::Io`] when the disk is full.
     pub fn write(&self, episode: &Episode, info: EpisodeInfo) -> Result<()> {
-        self.put_episode(episode, info, self.with_mcap)
+        self.put_episode(Cow::Borrowed(episode), info, self.with_mcap)
+    }
+
+    /// The same of an episode that is not needed any more: its pictures, which are most of it, become the table's without a copy.
+    ///
+    /// # Errors
+    /// As [`RecordingWriter::write`].
+    pub fn write_owned(&self, episode: Episode, info: EpisodeInfo) -> Result<()> {
+        self.put_episode(Cow::Owned(episode), info, self.with_mcap)
     }
 
     /// Writes an episode of another recording whose number, cell or videos have changed; it has a log if it had one.
@@ -127,7 +136,7 @@ impl RecordingWriter {
     /// As [`RecordingWriter::write`].
     pub fn rewrite(&self, episode: &Episode, before: &EpisodeEntry) -> Result<()> {
         let EpisodeEntry { policy, seed, model_overrides, .. } = before.clone();
-        self.put_episode(episode, EpisodeInfo { policy, seed, model_overrides }, before.mcap.is_some())
+        self.put_episode(Cow::Borrowed(episode), EpisodeInfo { policy, seed, model_overrides }, before.mcap.is_some())
     }
 
     /// Takes over an episode of another recording as it is: its files' bytes, its number, its cell and its checksums, by which damage is still found where a file is linked and not read.
@@ -166,11 +175,13 @@ impl RecordingWriter {
         self.enlist(EpisodeEntry { mcap: Some(log), ..entry })
     }
 
-    fn put_episode(&self, episode: &Episode, info: EpisodeInfo, with_mcap: bool) -> Result<()> {
+    /// The log first, and gone from memory before there is a table.
+    fn put_episode(&self, episode: Cow<'_, Episode>, info: EpisodeInfo, with_mcap: bool) -> Result<()> {
         let spec = self.growing().manifest.spec.clone();
         episode.check(&spec)?;
-        let mut entry = EpisodeEntry {
-            index: episode.index,
+        let index = episode.index;
+        let itself = EpisodeEntry {
+            index,
             cell: episode.cell,
             steps: episode.steps() as u32,
             episode_return: episode.episode_return(),
@@ -180,15 +191,15 @@ impl RecordingWriter {
             arrow: FileEntry::default(),
             mcap: None,
         };
-        let arrow = arrow_bytes(episode, &spec, &entry, self.is_older)?;
-        if with_mcap {
-            entry.mcap = Some(self.put(episode.index, "mcap", &mcap_bytes(episode, &spec, &entry)?)?);
+        let mcap = if with_mcap {
+            Some(self.put(index, "mcap", &mcap_bytes(&episode, &spec, &itself)?)?)
         } else {
             // One that lies there is another episode's, and beside a finished table it would be taken for this one's.
-            remove_if_there(&self.path.join(episode_path(episode.index, "mcap")))?;
-        }
-        entry.arrow = self.put(episode.index, "arrow", &arrow)?;
-        self.enlist(entry)
+            remove_if_there(&self.path.join(episode_path(index, "mcap")))?;
+            None
+        };
+        let arrow = self.put(index, "arrow", &arrow_bytes(episode, &spec, &itself, self.is_older)?)?;
+        self.enlist(EpisodeEntry { arrow, mcap, ..itself })
     }
 
     /// Maps an episode that is there.

@@ -2,17 +2,16 @@
 
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
+mod older;
 #[allow(dead_code, reason = "each test file uses a part of it")]
 mod synthetic;
 
 use std::fs;
 use std::path::Path;
 
-use arrow::ipc::writer::FileWriter;
-use vibes_data::{
-    Cell, FileEntry, FileTransfer, Grid, Manifest, Recording, RecordingWriter, Video, read_table, verify_recording,
-};
+use vibes_data::{Cell, FileTransfer, Grid, Manifest, Recording, RecordingWriter, Video, verify_recording};
 
+use older::make_older;
 use synthetic::{episode, files, info, manifest, recording, spec};
 
 /// Plain episodes of 5 steps.
@@ -121,30 +120,12 @@ fn a_log_that_is_no_episode_s_is_removed_or_named() {
     assert_eq!(verify_recording(&Recording::open(folder.path()).unwrap()).len(), 1);
 }
 
-/// The table as it was written before there was the column of what a policy saw.
-fn make_older(folder: &Path) {
-    let path = folder.join("episodes/000000.arrow");
-    let batch = read_table(&path).unwrap().remove(0);
-    let kept: Vec<usize> =
-        (0..batch.num_columns()).filter(|&at| batch.schema().field(at).name() != "acting_distractor").collect();
-    let older = batch.project(&kept).unwrap();
-    let mut writer = FileWriter::try_new(Vec::new(), &older.schema()).unwrap();
-    writer.write(&older).unwrap();
-    writer.finish().unwrap();
-    let bytes = writer.into_inner().unwrap();
-    fs::write(&path, &bytes).unwrap();
-    let place = folder.join("manifest.json");
-    let mut listed = Manifest::read(&place).unwrap();
-    listed.episodes[0].arrow = FileEntry::of("episodes/000000.arrow".into(), &bytes);
-    listed.write(&place).unwrap();
-}
-
 /// Readers that take all tables of a recording for one ask for one schema.
 #[test]
 fn a_recording_keeps_the_schema_that_it_began_with() {
     let folder = tempfile::tempdir().unwrap();
     plain(folder.path(), 1, false);
-    make_older(folder.path());
+    make_older(folder.path(), 0);
     let grown = plain(folder.path(), 2, false);
     assert_eq!(verify_recording(&grown), []);
     let names = |index: u32| -> Vec<String> {

@@ -6,12 +6,14 @@
 #[allow(dead_code, reason = "each test file uses a part of it")]
 mod synthetic;
 
+use std::path::Path;
+
 use proptest::prelude::*;
 use vibes_data::{
     Cell, Latents, LatentsSource, Recording, RecordingWriter, WindowSampler, read_mcap, verify_recording,
 };
 
-use synthetic::{episode, info, manifest, recording, reward_of, spec};
+use synthetic::{episode, files, info, manifest, recording, reward_of, spec};
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
@@ -32,6 +34,28 @@ proptest! {
         let log = folder.path().join(&entry.mcap.as_ref().unwrap().path);
         prop_assert_eq!(&read_mcap(&log, &spec).unwrap(), &written);
         prop_assert!(verify_recording(&recording).is_empty());
+    }
+}
+
+/// An episode that is given away is not copied, and is the same on disk.
+#[test]
+fn an_owned_episode_is_written_to_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    for (pixels, with_mcap) in [(true, true), (true, false), (false, true)] {
+        let [lent, given] = ["lent", "given"].map(|name| folder.path().join(format!("{name}-{pixels}-{with_mcap}")));
+        let writer =
+            |path: &Path| RecordingWriter::create_or_resume(path, manifest(&spec(pixels), None), with_mcap).unwrap();
+        let (one, other) = (writer(&lent), writer(&given));
+        for index in 0..2 {
+            let written = episode(&spec(pixels), index, None, 5, false);
+            one.write(&written, info(index)).unwrap();
+            other.write_owned(written, info(index)).unwrap();
+        }
+        let written = other.finish().unwrap();
+        assert_eq!(verify_recording(&written), []);
+        assert_eq!(written.episodes()[1].mcap.is_some(), with_mcap);
+        one.finish().unwrap();
+        assert_eq!(files(&given), files(&lent), "pixels {pixels}, logs {with_mcap}");
     }
 }
 
@@ -96,7 +120,7 @@ fn latents_come_back() {
 fn the_same_episodes_give_the_same_bytes_in_any_order() {
     let (a, b) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let spec = spec(true);
-    let write = |path: &std::path::Path, order: &[u32]| -> Recording {
+    let write = |path: &Path, order: &[u32]| -> Recording {
         let writer = RecordingWriter::create_or_resume(path, manifest(&spec, None), true).unwrap();
         for &index in order {
             writer.write(&episode(&spec, index, None, 5, false), info(index)).unwrap();

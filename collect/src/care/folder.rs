@@ -21,13 +21,8 @@ impl NewFolder {
     /// Begins `.NAME.making` beside `NAME`; what an earlier run left there is removed. `inputs` are what it is made from: none of them is removed, whatever
     /// its name.
     pub(crate) fn begin<'p>(place: &Path, inputs: impl IntoIterator<Item = &'p Path>) -> Result<Self> {
-        let is_taken = match std::fs::read_dir(place) {
-            Ok(mut listing) => listing.next().is_some(),
-            Err(_) => place.symlink_metadata().is_ok(),
-        };
-        let Some(name) = place.file_name().filter(|_| !is_taken) else {
-            return Err(Error::malformed(place, "something is here already", "name a new folder with -o"));
-        };
+        let taken = || Error::malformed(place, "something is here already", "name a new folder with -o");
+        let name = place.file_name().filter(|_| !is_taken(place)).ok_or_else(taken)?;
         let mut hidden = OsString::from(".");
         hidden.push(name);
         hidden.push(".making");
@@ -37,6 +32,10 @@ impl NewFolder {
             return Err(Error::malformed(input, fact, "name another folder with -o"));
         }
         let lock = FolderLock::acquire_beside(place)?;
+        // Whoever made it until now may have finished since.
+        if is_taken(place) {
+            return Err(taken());
+        }
         if making.is_dir() {
             std::fs::remove_dir_all(&making).map_err(Error::io("remove", &making))?;
         }
@@ -54,6 +53,14 @@ impl NewFolder {
         std::fs::rename(&self.making, &self.place).map_err(Error::io("write", &self.place))?;
         self.finished = true;
         Ok(())
+    }
+}
+
+/// Whether something is there, other than an empty folder.
+fn is_taken(place: &Path) -> bool {
+    match std::fs::read_dir(place) {
+        Ok(mut listing) => listing.next().is_some(),
+        Err(_) => place.symlink_metadata().is_ok(),
     }
 }
 

@@ -11,6 +11,8 @@ const OF_CAMERA: [&str; 1] = ["camera_seed"];
 const OF_COLOR: [&str; 1] = ["color_seed"];
 /// What is only looked at where any is there.
 const OF_ANY: [&str; 3] = ["difficulty", "dynamic", "static"];
+/// What is only looked at where a recording is made.
+const OF_RECORDING: [&str; 5] = ["output", "no_mcap", "no_pixels", "size", "render"];
 
 /// # Errors
 /// One of the given options is about an axis that these are without.
@@ -38,6 +40,28 @@ pub(super) fn check_unseen(given: &Given) -> Result<()> {
     given
         .first_of(OF_BACKGROUND)
         .map_or(Ok(()), |found| Err(option(&found, "no pictures are drawn", "leave it out, or leave out --no-pixels")))
+}
+
+/// # Errors
+/// One of the given options is about a recording, and none is made; or a grid was asked for, whose columns nobody acts under.
+pub(super) fn check_unrecorded(given: &Given) -> Result<()> {
+    if let Some(found) = given.first_of(OF_RECORDING) {
+        return Err(option(&found, "nothing is recorded", "leave it out, or leave out --no-record"));
+    }
+    given.first_of(["grid"]).map_or(Ok(()), |found| {
+        let why = "a policy acts once for every row, and its columns are pictures of a recording";
+        Err(option(&found, why, "ask for as many --episodes as it has rows, or leave out --no-record"))
+    })
+}
+
+/// # Errors
+/// One of the given options is about distractors, and nothing is recorded that whoever acts does not see.
+pub(super) fn check_unseen_by_anyone(given: &Given) -> Result<()> {
+    let options = OF_BACKGROUND.into_iter().chain(OF_CAMERA).chain(OF_COLOR).chain(OF_ANY).chain(["distract"]);
+    given.first_of(options).map_or(Ok(()), |found| {
+        let why = "nothing is recorded, and whoever acts sees no pictures";
+        Err(option(&found, why, "leave it out, or leave out --no-record"))
+    })
 }
 
 /// # Errors

@@ -1,13 +1,14 @@
 //! `vibes-collect [OPTIONS]`: records.
 
+mod said;
+mod unrecorded;
+
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::Result;
 use clap::Args;
-use serde::Serialize;
-use serde_json::Value;
 use vibes_command::{Given, stop_on_signals};
 use vibes_data::{Grid, MOST_ACTION_REPEAT, MOST_EPISODES, MOST_STEPS, Recording};
 
@@ -16,8 +17,9 @@ use super::{Outcome, OutputArgs, idle, show};
 use crate::cut::cut_actions;
 use crate::plan::RecordOptions;
 use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, cores, record};
-use crate::returns::Returns;
 use crate::trained::{Home, acted_by, as_named, home};
+use said::Said;
+pub(super) use said::source_name;
 use vibes_env::distractors::{Axes, Difficulty, DistractorSettings};
 use vibes_env::render::{Look, MAX_SIZE};
 use vibes_env::videos::{MOST_VIDEOS, VideoSet, VideoSource};
@@ -97,10 +99,14 @@ pub(super) struct RecordArgs {
     /// Write no MCAP logs, only Arrow tables.
     #[arg(long)]
     no_mcap: bool,
+    /// Evaluate only: act, say what was earned, and leave no recording.
+    #[arg(long)]
+    no_record: bool,
     /// Worker threads, each with a render context; at most one per core, the default.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: Option<u16>,
-    /// The recording's folder [default: recordings/TASK-NxM or recordings/TASK-N].
+    /// The recording's folder [default: recordings/TASK-NxM or recordings/TASK-N, by a trained run TASK-RUN in the place of TASK, or RUN alone where that begins with the task's
+    /// name].
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
 }
@@ -145,7 +151,7 @@ impl RecordArgs {
             videos,
             video_set: self.video_set,
             video_count,
-            size: (!self.no_pixels).then_some(self.size.or(home.size).unwrap_or(DEFAULT_SIZE)),
+            size: (!self.no_pixels && !self.no_record).then_some(self.size.or(home.size).unwrap_or(DEFAULT_SIZE)),
             look: self.render.unwrap_or(if self.no_pixels { Look::default() } else { home.look }),
             axis_seeds: self.axis_seeds.into(),
             acting: mix
@@ -209,25 +215,50 @@ impl RecordArgs {
     }
 
     fn folder(&self, options: &RecordOptions) -> PathBuf {
-        let name = match options.grid {
-            Some(Grid { states, distractors }) => format!("{}-{states}x{distractors}", options.task),
-            None => format!("{}-{}", options.task, options.episodes),
-        };
-        self.output.clone().unwrap_or_else(|| PathBuf::from("recordings").join(name))
+        let run = options.acting.first().filter(|_| self.mix.is_none()).map(|acting| acting.run.as_str());
+        self.output.clone().unwrap_or_else(|| PathBuf::from("recordings").join(folder_name(options, run)))
+    }
+
+    /// Where numbers come from that nobody typed.
+    fn place(&self) -> &Path {
+        match &self.policy {
+            PolicySpec::Run { path } => path.as_path(),
+            _ => Path::new("."),
+        }
+    }
+}
+
+/// The name of a recording's folder, so that recordings of two tasks, of two sizes, or by two trained runs, are apart.
+fn folder_name(options: &RecordOptions, run: Option<&str>) -> String {
+    let task = &options.task;
+    let what = match run.filter(|run| !run.is_empty()) {
+        None => task.clone(),
+        Some(run) if run.strip_prefix(task.as_str()).is_some_and(|rest| rest.starts_with('-')) => run.to_owned(),
+        Some(run) => format!("{task}-{run}"),
+    };
+    match options.grid {
+        Some(Grid { states, distractors }) => format!("{what}-{states}x{distractors}"),
+        None => format!("{what}-{}", options.episodes),
     }
 }
 
 pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
+    if args.no_record {
+        idle::check_unrecorded(&args.given)?;
+    }
     let home = args.home()?;
     let options = args.resolve(&home)?;
+    let is_seen = options.pictures().is_some() || options.acting.iter().any(|acting| acting.pictures.is_some());
+    if args.no_record && !is_seen {
+        idle::check_unseen_by_anyone(&args.given)?;
+    }
     idle::check(&args.given, options.distractors.axes)?;
-    if options.pictures().is_none() && options.acting.iter().all(|acting| acting.pictures.is_none()) {
+    if !is_seen {
         idle::check_unseen(&args.given)?;
     }
     if !output.quiet {
         say_cut(&options)?;
     }
-    let folder = args.folder(&options);
     let stop = stop_on_signals()?;
     let threads = args.threads.map_or_else(cores, usize::from);
     let policies = as_named(&options.acting);
@@ -241,6 +272,10 @@ pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
         policies: PolicyMaker(&policies),
         stop,
     };
+    if args.no_record {
+        return unrecorded::evaluate(&run, args.place(), &home, output);
+    }
+    let folder = args.folder(&options);
     record_with_progress(&folder, (u64::from(options.episodes), &home), output, |report| record(&folder, &run, report))
 }
 
@@ -301,84 +336,6 @@ pub(super) fn record_with_progress(
     Ok(Outcome::Done)
 }
 
-/// The result as JSON; the returns stand beside the others.
-#[derive(Serialize)]
-struct Said<'a> {
-    recording: &'a Path,
-    episodes: usize,
-    seconds: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    protocol: Option<&'a str>,
-    /// Where the videos of a protocol come from: `procedural`, or the name of a folder.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    videos: Option<String>,
-    /// How the pictures were drawn that the policy saw under a protocol, which leaves that free.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    look: Option<&'a str>,
-    /// Control steps of the recordings that the run began with which acts.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    given_control_steps: Option<u64>,
-    /// What that number is known from, where that is not the recordings: those that are gone are counted with every view of an episode.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    given_from: Option<&'a str>,
-    #[serde(flatten)]
-    returns: Option<Returns>,
-}
-
-/// The source of the videos that options name: `procedural`, or the name of a folder.
-pub(super) fn source_name(options: &Value) -> Option<String> {
-    let source: VideoSource = serde_json::from_value(options["videos"].clone()).ok()?;
-    Some(source.name())
-}
-
-impl<'a> Said<'a> {
-    fn of(recording: &'a Recording, folder: &'a Path, (wanted, home): (u64, &'a Home), seconds: f64) -> Self {
-        let (episodes, options) = (recording.episodes().len(), &recording.manifest().options);
-        // Fewer episodes than were asked for are not the protocol's.
-        let protocol = options["protocol"].as_str().filter(|_| episodes as u64 >= wanted);
-        Self {
-            recording: folder,
-            episodes,
-            seconds,
-            protocol,
-            videos: protocol.and_then(|_| source_name(options)),
-            look: protocol.and_then(|_| options["look"].as_str()),
-            given_control_steps: home.given_control_steps,
-            given_from: home.given_from.as_deref(),
-            returns: Returns::of(recording),
-        }
-    }
-
-    /// The same in one line.
-    fn in_words(&self, recording: &Recording) -> String {
-        let frames: u64 = recording.episodes().iter().map(|entry| u64::from(entry.steps) + 1).sum();
-        let returns = self.returns.as_ref().map_or_else(String::new, |Returns { mean_return, interval, .. }| {
-            let interval =
-                interval.map_or_else(String::new, |[low, high]| format!(" (95% interval {low:.1} to {high:.1})"));
-            format!(", mean return {mean_return:.1}{interval}")
-        });
-        format!(
-            "{}: {} episodes, {frames} frames, {}{returns}{}, in {:.1} s",
-            recording.path().display(),
-            self.episodes,
-            show::bytes(recording.bytes()),
-            self.under(),
-            self.seconds
-        )
-    }
-
-    /// `, under PROTOCOL (videos procedural)` where it is under one, and what the run that acts began with.
-    fn under(&self) -> String {
-        let videos = self.videos.as_deref().unwrap_or("unknown");
-        let protocol = self.protocol.map_or_else(String::new, |name| format!(", under {name} (videos {videos})"));
-        let given = self.given_control_steps.map_or_else(String::new, |steps| {
-            let gone = if self.given_from.is_some() { ", every view of those that are gone counted" } else { "" };
-            format!(", by a run that began with {steps} control steps of recordings and of runs before it{gone}")
-        });
-        protocol + &given
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -390,29 +347,5 @@ mod tests {
         for text in ["", "10", "x10", "0x3", "3x-1", "2x2x2", "10000x10000", "axb"] {
             assert!(parse_grid(text).is_err(), "{text}");
         }
-    }
-
-    #[test]
-    fn a_whole_recording_names_its_protocol_and_what_the_run_that_acts_began_with() {
-        let folder = tempfile::tempdir().unwrap();
-        let sample = concat!(env!("CARGO_MANIFEST_DIR"), "/../data/sample/manifest.json");
-        let mut manifest: Value = serde_json::from_slice(&std::fs::read(sample).unwrap()).unwrap();
-        manifest["options"]["protocol"] = "dcs-easy-dynamic-500k".into();
-        std::fs::write(folder.path().join("manifest.json"), manifest.to_string()).unwrap();
-        let recording = Recording::open(folder.path()).unwrap();
-        let (whole, given_from) = (recording.episodes().len() as u64, Some("run.json".to_owned()));
-        let home = Home { given_control_steps: Some(1_500_000), given_from, ..Home::default() };
-        let said = Said::of(&recording, folder.path(), (whole, &home), 1.0);
-        let line = said.in_words(&recording);
-        assert!(line.contains(", under dcs-easy-dynamic-500k (videos procedural), by a run that began with"), "{line}");
-        assert!(line.contains("1500000 control steps of recordings and of runs before it, every view"), "{line}");
-        let json = serde_json::to_value(&said).unwrap();
-        assert_eq!(json["protocol"], "dcs-easy-dynamic-500k");
-        assert_eq!((&json["given_control_steps"], &json["given_from"]), (&1_500_000.into(), &"run.json".into()));
-        let home = Home::default();
-        let part = Said::of(&recording, folder.path(), (whole + 1, &home), 1.0);
-        let (line, json) = (part.in_words(&recording), serde_json::to_value(&part).unwrap());
-        assert!(!line.contains(", under ") && !line.contains(" began with "), "{line}");
-        assert!(json.get("protocol").is_none() && json.get("given_control_steps").is_none(), "{json}");
     }
 }
