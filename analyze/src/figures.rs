@@ -6,6 +6,7 @@
 mod axes;
 mod bars;
 mod coloring;
+mod colors;
 mod curves;
 mod heading;
 mod legend;

@@ -82,6 +82,18 @@ pub enum InputError {
         /// The file.
         path: PathBuf,
     },
+    /// A plain array that some rows of a map are of, and nobody knows which.
+    #[error(
+        "a plain array has no keys: {rows} rows, and the map is of {of_map}, of which nobody knows which they are; make the map of all rows, or of a table with the columns episode and step: {path}"
+    )]
+    SomeOfArray {
+        /// How many rows it has.
+        rows: usize,
+        /// How many rows the map has.
+        of_map: usize,
+        /// The file.
+        path: PathBuf,
+    },
     /// A column holds what it must not.
     #[error("column {column}: {fact}; {expected}: {path}")]
     Column {

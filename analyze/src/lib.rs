@@ -9,6 +9,7 @@ pub mod curves;
 pub mod figures;
 pub mod input;
 pub mod metrics;
+mod natural;
 pub mod output;
 pub mod picture;
 pub mod report;

@@ -6,7 +6,7 @@
 //! That serves means and ratios of means over rows that have nothing to do with each other. A bootstrap will not do for shares of variance: a grid that holds
 //! a trajectory twice varies less, so that its shares lie beside the estimate. Nor will it for distances and neighbours: the cell that a cell is compared
 //! with was drawn as it was, and where only the first is drawn again the interval is too narrow; drawn twice it would be its own neighbour. For these each
-//! trajectory of either kind is left out in turn ([`crossed`]).
+//! trajectory of either kind is left out in turn ([`crossed`]; [`Trajectories::jackknife`] where there may be episodes alone).
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -108,6 +108,27 @@ impl Trajectories {
         self.unit[row] as usize
     }
 
+    /// The trajectories of both kinds that a row is of, numbered from 0: its state trajectory (or episode), and its distractor trajectory if it has one.
+    #[must_use]
+    pub fn of_row(&self, row: usize) -> [Option<usize>; 2] {
+        let unit = self.unit(row);
+        [Some(self.state[unit] as usize), self.distractor[unit].map(|own| own as usize)]
+    }
+
+    /// How many state trajectories (or episodes) and how many distractor trajectories there are.
+    #[must_use]
+    pub fn counts(&self) -> [usize; 2] {
+        [self.states, self.distractors]
+    }
+
+    /// The interval of a number that depends on how rows lie to each other, from its values `without` each trajectory of either kind ([`jackknife`]). A kind of which there is
+    /// only one, or none, is not left out.
+    #[must_use]
+    pub fn jackknife(&self, estimate: f64, without: &[Vec<f64>; 2], range: Range) -> Interval {
+        let several = without.iter().filter(|values| values.len() > 1).map(Vec::as_slice);
+        jackknife(estimate, &several.collect::<Vec<_>>(), range)
+    }
+
     /// How many cells or episodes there are.
     #[must_use]
     pub fn units(&self) -> usize {
@@ -185,6 +206,8 @@ pub enum Range {
     Share,
     /// A number above 0, on the scale `ln x`.
     Positive,
+    /// A number of at least 0, on the scale `√x`: a distance, which may be 0.
+    Distance,
     /// A share of what was counted, on the scale `asin √p`. All or none is nothing unusual here, and a logarithm would set these endlessly far apart from the rest.
     Counted,
     /// A number between -1 and 1, on the scale `asin x`: either end may be reached.
@@ -201,6 +224,7 @@ impl Range {
                 (share / (1.0 - share)).ln()
             }
             Self::Positive => value.max(Self::EDGE).ln(),
+            Self::Distance => value.max(0.0).sqrt(),
             Self::Counted => value.clamp(0.0, 1.0).sqrt().asin(),
             Self::Signed => value.clamp(-1.0, 1.0).asin(),
         }
@@ -210,6 +234,7 @@ impl Range {
         match self {
             Self::Share => 1.0 / (1.0 + (-spread).exp()),
             Self::Positive => spread.exp(),
+            Self::Distance => spread.max(0.0).powi(2),
             Self::Counted => spread.clamp(0.0, FRAC_PI_2).sin().powi(2),
             Self::Signed => spread.clamp(-FRAC_PI_2, FRAC_PI_2).sin(),
         }
@@ -224,16 +249,23 @@ impl Range {
 /// each other, as this module's head says. No interval with fewer than three of a kind, nor where the number is not finite without one of them: nobody knows what another would have brought.
 #[must_use]
 pub fn crossed(estimate: f64, without: [&[f64]; 2], range: Range) -> Interval {
+    jackknife(estimate, &without, range)
+}
+
+/// The same of any number of crossed kinds of trajectories, as of episodes alone; no interval of none.
+#[must_use]
+pub fn jackknife(estimate: f64, without: &[&[f64]], range: Range) -> Interval {
     let is_too_little = |values: &&[f64]| values.len() < 3 || values.iter().any(|value| !value.is_finite());
-    if without.iter().any(is_too_little) || !estimate.is_finite() {
+    if without.is_empty() || without.iter().any(is_too_little) || !estimate.is_finite() {
         return Interval { estimate, low: f64::NAN, high: f64::NAN };
     }
-    let variance = without.map(|values| {
+    let variance = |values: &&[f64]| {
         let (count, values) = (values.len() as f64, values.iter().map(|&x| range.spread(x)).collect::<Vec<_>>());
         let mean = values.iter().sum::<f64>() / count;
         (count - 1.0) / count * values.iter().map(|x| (x - mean).powi(2)).sum::<f64>()
-    });
-    let total = variance[0] + variance[1];
+    };
+    let variance: Vec<f64> = without.iter().map(variance).collect();
+    let total: f64 = variance.iter().sum();
     let doubt: f64 = variance.iter().zip(without).map(|(v, values)| v * v / (values.len() as f64 - 1.0)).sum();
     let freedom = if doubt > 0.0 { (total * total / doubt).floor().max(1.0) } else { 1.0 };
     let half = if total > 0.0 { t_quantile(freedom as usize) * total.sqrt() } else { 0.0 };
@@ -263,7 +295,7 @@ mod tests {
 
     use rand::Rng;
 
-    use super::{Range, Trajectories, bootstrap, crossed, percentile, student};
+    use super::{Range, Trajectories, bootstrap, crossed, jackknife, percentile, student};
 
     #[test]
     fn student_intervals_are_the_textbook_ones() {
@@ -334,6 +366,27 @@ mod tests {
         let episodes = Trajectories::new(&[((1, 7), None), ((1, 7), None), ((1, 9), None)]);
         assert_eq!((episodes.units(), episodes.unit(2)), (2, 1));
         assert_eq!(episodes.ratio(&[0, 1, 2], &[1.0, 2.0, 3.0], &[1.0, 1.0, 2.0], &mut rng).estimate, 1.5);
+    }
+
+    /// The jackknife of a mean is the textbook's interval, whatever the scale where it is as good as straight.
+    #[test]
+    fn the_jackknife_of_a_mean_over_one_kind_is_students_interval() {
+        let values: Vec<f64> = (0..12).map(|i| 1000.0 + f64::from(i * i % 7)).collect();
+        let mean = values.iter().sum::<f64>() / 12.0;
+        let without: Vec<f64> = values.iter().map(|out| (12.0 * mean - out) / 11.0).collect();
+        let (found, wanted) = (jackknife(mean, &[&without], Range::Distance), student(&values));
+        assert!((found.low - wanted.low).abs() < 0.03 && (found.high - wanted.high).abs() < 0.03, "{found:?}");
+        assert!(jackknife(mean, &[], Range::Distance).low.is_nan());
+    }
+
+    #[test]
+    fn a_distance_of_0_stays_within_its_range() {
+        let found = crossed(0.0, [&[0.0, 0.0, 0.01], &[0.0; 4]], Range::Distance);
+        assert!(found.low == 0.0 && found.high > 0.0 && found.high < 2.0, "{found:?}");
+        let (column, rows) = grid(3, 1);
+        assert_eq!((column.counts(), column.of_row(rows[2])), ([3, 1], [Some(2), Some(0)]));
+        let over_states = column.jackknife(2.0, &[vec![1.9, 2.0, 2.1], vec![f64::NAN]], Range::Distance);
+        assert!(over_states.low < 2.0 && over_states.high > 2.0, "{over_states:?}");
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! In: plain arrays, as a [`Table`] of latents with the key of every row. Out: plain values. Nothing here reads or writes a file.
 
 mod error;
+mod left_out;
 mod table;
 
 pub mod clusters;

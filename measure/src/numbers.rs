@@ -84,7 +84,8 @@ pub struct GridOptions {
     pub tolerance: u32,
     /// `retrieval_any_step`: most rows to ask for.
     pub queries: usize,
-    /// Seed of what is drawn: queries, and trajectories for intervals. Every number begins with it anew, so that none depends on the others asked for.
+    /// Seed of the queries that are drawn where not all are asked. Intervals draw nothing: trajectories are left out in turn. Every number begins with the seed anew, so that
+    /// none depends on the others asked for.
     pub seed: u64,
 }
 

@@ -1,14 +1,15 @@
 //! Do neighbours in the latent space share the true task state? The number beside the sheet of neighbours.
 //!
 //! In: the task state of every row, queries and their neighbours. Out: the mean distance between a query's state and its neighbours' states,
-//! beside that of random rows of other trajectories, with 95% intervals over the queries' state and distractor trajectories.
+//! beside that of random rows of other trajectories, with 95% intervals over state and distractor trajectories: each is left out in turn, as query and as what queries are compared with (see `left_out`).
+
+mod left_out;
 
 use rand::Rng;
 use serde::Serialize;
 
-use crate::Table;
-use crate::intervals::Interval;
-use crate::neighbours::{Exclude, Neighbours};
+use crate::intervals::{Interval, Range};
+use crate::neighbours::{Exclude, Neighbours, Space};
 
 /// How far apart states are, in standard deviations a dimension (root mean square over dimensions).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -23,15 +24,16 @@ pub struct StateError {
 
 /// Measures the error of `states` `[rows, size]` (each dimension divided by its standard deviation, constant ones left out) over the neighbours, which were looked for
 /// under `exclude`; random rows are drawn under it too, so that latents of noise come to a ratio of 1. None if no dimension varies, there are no queries, or a query has
-/// no row to be compared with.
+/// no row to be compared with. Intervals need three trajectories of every kind that there are several of, and as many rows as neighbours without any one of them.
 pub fn state_error(
-    table: &Table<'_>,
+    space: &Space<'_>,
     states: &[f64],
     queries: &[usize],
     found: &Neighbours,
     exclude: Exclude<'_>,
     rng: &mut impl Rng,
 ) -> Option<StateError> {
+    let table = space.table();
     let states = standardized(states, table.rows())?;
     let distance = |a: usize, b: usize| {
         let square: f64 = states.iter().map(|dim| (dim[a] - dim[b]).powi(2)).sum();
@@ -55,23 +57,31 @@ pub fn state_error(
         .enumerate()
         .map(|(q, &row)| mean(&mut found.rows(q).iter().map(|&n| distance(row, n as usize))))
         .collect();
-    let random: Vec<f64> = queries
-        .iter()
-        .map(|&row| {
-            let mut other = || loop {
-                let drawn = rng.random_range(0..table.rows());
-                if label[drawn] != label[row] {
-                    break drawn;
-                }
-            };
-            mean(&mut (0..found.k()).map(|_| distance(row, other())))
-        })
-        .collect();
+    let mut other = |row: usize| loop {
+        let drawn = rng.random_range(0..table.rows());
+        if label[drawn] != label[row] {
+            break drawn;
+        }
+    };
+    let pairs: Vec<(usize, usize)> =
+        queries.iter().flat_map(|&row| std::iter::repeat_n(row, found.k())).map(|row| (row, other(row))).collect();
+    let of_pairs: Vec<f64> = pairs.iter().map(|&(row, other)| distance(row, other)).collect();
+    let random: Vec<f64> = of_pairs.chunks(found.k()).map(|own| mean(&mut own.iter().copied())).collect();
     let trajectories = table.trajectories();
+    let without = [
+        left_out::neighbours(space, (queries, found), (&trajectories, label), &distance),
+        left_out::random(&pairs, &trajectories, &distance),
+    ];
+    let sums = [near.iter().sum::<f64>(), random.iter().sum::<f64>()];
+    let ratio = |kind: usize| -> Vec<f64> {
+        without[0][kind].iter().zip(&without[1][kind]).map(|(near, random)| near / random).collect()
+    };
+    let interval = |estimate: f64, without: &[Vec<f64>; 2]| trajectories.jackknife(estimate, without, Range::Distance);
+    let count = queries.len() as f64;
     Some(StateError {
-        neighbours: trajectories.mean(queries, &near, rng),
-        random: trajectories.mean(queries, &random, rng),
-        ratio: trajectories.ratio(queries, &near, &random, rng),
+        neighbours: interval(sums[0] / count, &without[0]),
+        random: interval(sums[1] / count, &without[1]),
+        ratio: interval(sums[0] / sums[1], &[0, 1].map(ratio)),
     })
 }
 
@@ -94,7 +104,8 @@ mod tests {
     use rand_chacha::rand_core::SeedableRng;
 
     use super::*;
-    use crate::neighbours::{Metric, Space, nearest};
+    use crate::Table;
+    use crate::neighbours::{Metric, nearest};
 
     #[test]
     fn neighbours_in_the_state_itself_have_little_error_and_in_noise_as_much_as_random_rows() {
@@ -109,7 +120,7 @@ mod tests {
             let table = Table::new(2, latent, &episode, &step).expect("table");
             let space = Space::new(table, Metric::Standardized).expect("space");
             let found = nearest(&space, &queries, 5, Exclude::Trajectory).expect("neighbours");
-            state_error(&table, &states, &queries, &found, Exclude::Trajectory, &mut ChaCha8Rng::seed_from_u64(1))
+            state_error(&space, &states, &queries, &found, Exclude::Trajectory, &mut ChaCha8Rng::seed_from_u64(1))
                 .expect("error")
         };
         let (same, other) = (error(&state), error(&noise));
@@ -120,7 +131,7 @@ mod tests {
         let found = nearest(&space, &queries, 5, Exclude::Trajectory).expect("neighbours");
         let constant = vec![3.0; rows * 2];
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        assert!(state_error(&table, &constant, &queries, &found, Exclude::Trajectory, &mut rng).is_none());
+        assert!(state_error(&space, &constant, &queries, &found, Exclude::Trajectory, &mut rng).is_none());
     }
 
     #[test]
@@ -139,7 +150,7 @@ mod tests {
         let queries: Vec<usize> = (0..96).map(|i| i * 5).collect();
         for exclude in [Exclude::Itself, Exclude::Trajectory, Exclude::Group(&state)] {
             let found = nearest(&space, &queries, 5, exclude).expect("neighbours");
-            let error = state_error(&table, &states, &queries, &found, exclude, &mut rng).expect("error");
+            let error = state_error(&space, &states, &queries, &found, exclude, &mut rng).expect("error");
             assert!((error.ratio.estimate - 1.0).abs() < 0.1, "{error:?} without {exclude:?}");
         }
     }

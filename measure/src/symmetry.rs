@@ -7,13 +7,20 @@
 //! | name | is | symmetric | says nothing |
 //! |---|---|---|---|
 //! | `symmetry_ratio` | mean latent distance of rotated pairs over that of rows whose pictures are as far apart | 0 | 1 |
-//! | `symmetry_percentile` | of the rows whose pictures are about as far away, the share that the latent puts farther away than the rotated twin (ties count half) | 1 | 0.5 |
-//! | `symmetry_percentile_equal_distance` | the same among rows whose target is as far from the fingertip as the twin's, to the centimetre | 1 | 0.5 |
+//! | `symmetry_percentile` | of the rows whose pictures are about as far away, the share that the latent puts farther away than the rotated twin (ties count half) | 1, on a grid less | 0.5 |
+//! | `symmetry_percentile_equal_distance` | the same among rows whose target is as far from the fingertip as the twin's, to the centimetre | 1, on a grid less | 0.5 |
+//!
+//! On a grid latents of the state alone reach 1 in neither share, however good they are: rows that show the row's own state at the same step under other distractors, and made rotations of it, stay among those
+//! that it is compared with, and such latents put none of these farther away than the twin. Where they are a share `q` of the rows compared with, the largest
+//! value that such latents can have is `1 − q/2` if rotations were made, since the twin is then as near as they are and ties count half, and `1 − q` if a found twin lies off by
+//! anything. The number is the mean of that over the pairs.
 //!
 //! Two controls belong beside them, the same numbers of other tables. Features of past actions: a recording that was turned and drawn again keeps its actions, so
 //! that an encoder that sees only those has a ratio of 0. The distance to the target alone ([`ReacherState::distance_table`]): it is the same after
 //! any turn, so its ratio is 0 too where rotations were made (a twin that was found in the data is a rotation within the tolerance, and may be a centimetre or two
 //! nearer or farther). Either way it does not tell the twin from rows whose target is as far as the twin's, so that its percentile among those is 0.5.
+
+mod left_out;
 
 use std::collections::BTreeMap;
 
@@ -22,7 +29,9 @@ use rand::seq::index::sample;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::intervals::Interval;
+use self::left_out::Place;
+use crate::intervals::{Interval, Range};
+use crate::left_out::Part;
 use crate::neighbours::{Metric, Space};
 use crate::{Error, Table};
 
@@ -133,7 +142,8 @@ pub struct SymmetricPair {
     pub matched_latent: f64,
     /// Its picture's distance.
     pub matched_image: f64,
-    /// Share of the rows that look about as different whose latent is farther away than the rotation's.
+    /// Share of the rows that look about as different whose latent is farther away than the rotation's. Latents of the state alone reach `1 − q/2` at most, where a share `q` of these rows shows the
+    /// row's own state under another distractor, or a made rotation of it.
     pub percentile: f64,
     /// The same among rows whose target is as far from the fingertip as the rotation's; none if there are none.
     pub percentile_equal_distance: Option<f64>,
@@ -142,11 +152,11 @@ pub struct SymmetricPair {
 /// How symmetric the latents are.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Symmetry {
-    /// `symmetry_ratio`. Intervals are over state and distractor trajectories.
+    /// `symmetry_ratio`. Intervals are over state and distractor trajectories, each left out in turn.
     pub ratio: Interval,
-    /// `symmetry_percentile`.
+    /// `symmetry_percentile`; on a grid below 1 even for latents that ignore distractors and rotation, as the module's head says.
     pub percentile: Interval,
-    /// `symmetry_percentile_equal_distance`; NaN if no twin has equals.
+    /// `symmetry_percentile_equal_distance`, of which the same holds; NaN if no twin has equals.
     pub percentile_equal_distance: Interval,
     /// The pairs.
     pub pairs: Vec<SymmetricPair>,
@@ -206,6 +216,8 @@ struct Match {
     row: usize,
     rotated: usize,
     image: f64,
+    /// All rows that were drawn, with their pictures' distances.
+    images: Vec<(usize, f64)>,
     /// Rows whose pictures are about as far away, the nearest to the pair's picture distance first, with that distance.
     alike: Vec<(usize, f64)>,
     /// Rows whose target is as far from the fingertip as the twin's.
@@ -255,8 +267,8 @@ pub fn matches(
     }
     let compare = |(row, rotated, random, equal): (usize, usize, Vec<usize>, Vec<usize>)| {
         let image = image_distance(row, rotated);
-        let images = random.iter().map(|&other| (other, image_distance(row, other))).collect();
-        Match { row, rotated, image, alike: alike(images, image, options.matched), equal }
+        let images: Vec<(usize, f64)> = random.iter().map(|&other| (other, image_distance(row, other))).collect();
+        Match { row, rotated, image, alike: alike(images.clone(), image, options.matched), images, equal }
     };
     Ok(Matches { pairs: drawn.into_par_iter().map(compare).collect() })
 }
@@ -278,7 +290,8 @@ fn alike(mut images: Vec<(usize, f64)>, image: f64, count: usize) -> Vec<(usize,
     farther
 }
 
-/// Latent distances of rotated pairs against those of the rows they are matched with.
+/// Latent distances of rotated pairs against those of the rows they are matched with. Intervals leave each trajectory out in turn, with its pairs and as what others are compared with
+/// ([`crate::intervals::jackknife`]): they need three of every kind that there are several of. The generator is not used: nothing is drawn.
 ///
 /// # Errors
 /// Latents that do not vary.
@@ -286,51 +299,33 @@ pub fn symmetry(
     table: &Table<'_>,
     matches: &Matches,
     options: SymmetryOptions,
-    rng: &mut impl Rng,
+    _rng: &mut impl Rng,
 ) -> Result<Symmetry, Error> {
     let space = Space::new(*table, options.metric)?;
-    let farther = |row: usize, latent: f64, others: &mut dyn Iterator<Item = usize>| {
-        let (mut share, mut count) = (0.0, 0.0);
-        for other in others {
-            let distance = space.distance(row, other);
-            count += 1.0;
-            share += if distance > latent {
-                1.0
-            } else if distance < latent {
-                0.0
-            } else {
-                0.5
-            };
-        }
-        (count > 0.0).then(|| share / count)
-    };
-    let compare = |found: &Match| {
-        let Match { row, rotated, image, ref alike, ref equal } = *found;
-        let (matched, matched_image) = alike[0];
-        let (latent, matched_latent) = (space.distance(row, rotated), space.distance(row, matched));
-        SymmetricPair {
-            row,
-            rotated,
-            latent,
-            image,
-            matched,
-            matched_latent,
-            matched_image,
-            percentile: farther(row, latent, &mut alike.iter().map(|other| other.0)).unwrap_or(f64::NAN),
-            percentile_equal_distance: farther(row, latent, &mut equal.iter().copied()),
-        }
-    };
-    let pairs: Vec<SymmetricPair> = matches.pairs.par_iter().map(compare).collect();
     let trajectories = table.trajectories();
-    let rows: Vec<usize> = pairs.iter().map(|pair| pair.row).collect();
-    let of = |part: fn(&SymmetricPair) -> f64| pairs.iter().map(part).collect::<Vec<f64>>();
-    let (equal_rows, equal): (Vec<usize>, Vec<f64>) =
-        pairs.iter().filter_map(|pair| Some((pair.row, pair.percentile_equal_distance?))).unzip();
+    let part = |found: &Match| left_out::part(&space, found, options.matched, &trajectories);
+    let parts: Vec<Part<Place>> = matches.pairs.par_iter().map(part).collect();
+    let pair = |(found, part): (&Match, &Part<Place>)| {
+        let (Match { row, rotated, image, alike, .. }, place) = (found, part.whole);
+        let (matched, matched_image) = alike[0];
+        SymmetricPair {
+            row: *row,
+            rotated: *rotated,
+            latent: place.latent,
+            image: *image,
+            matched,
+            matched_latent: place.matched,
+            matched_image,
+            percentile: place.percentile,
+            percentile_equal_distance: place.equal,
+        }
+    };
+    let all = (parts.as_slice(), &trajectories);
     Ok(Symmetry {
-        ratio: trajectories.ratio(&rows, &of(|pair| pair.latent), &of(|pair| pair.matched_latent), rng),
-        percentile: trajectories.mean(&rows, &of(|pair| pair.percentile), rng),
-        percentile_equal_distance: trajectories.mean(&equal_rows, &equal, rng),
-        pairs,
+        ratio: left_out::interval(all, Range::Distance, left_out::ratio),
+        percentile: left_out::interval(all, Range::Counted, left_out::percentile),
+        percentile_equal_distance: left_out::interval(all, Range::Counted, left_out::percentile_equal_distance),
+        pairs: matches.pairs.iter().zip(&parts).map(pair).collect(),
     })
 }
 

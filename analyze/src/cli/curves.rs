@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use serde_json::{Value, json};
 
-use super::{Globals, Outcome, distinct_places, say, wrong};
+use super::{Globals, Outcome, distinct_places, gaps, say, wrong};
 use crate::figures::{Figure, Heading, Table};
 use crate::input::{Run, choices};
 use crate::metrics::{DYNAMICS_GAP, Metric, TRAINING_VIDEOS_RETURN};
@@ -92,11 +92,13 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     outcome.files.push(path);
     outcome.json = document;
     outcome.remarks = remarks(&runs, &metrics, &curves);
+    outcome.remarks.extend(gap_notes(&runs, metrics.iter().chain(&tabled)));
     // Behind the numbers: figures of very many runs are too large to draw.
     if curves.is_empty() {
         outcome.leave_out(&out, "curves", "no metric has a curve");
     } else {
         let figure = drawn::figure(heading(drawn::title(&curves)), &runs, names, &curves);
+        outcome.remarks.extend(figure.facts());
         outcome.save(&Figure::Curves(figure), &out, "curves")?;
     }
     save_table(&mut outcome, table, &out)?;
@@ -142,6 +144,7 @@ fn remarks(runs: &[Run], metrics: &[Metric], curves: &[Shown<'_>]) -> Vec<String
     for metric in metrics.iter().filter(|metric| !curves.iter().any(|shown| shown.metric.name == metric.name)) {
         remarks.push(format!("{} was measured at the end alone and has no curve; it stands in the table", metric.name));
     }
+    remarks.extend(curves.iter().flat_map(Shown::lacking));
     let broken: usize = runs.iter().map(|r| r.broken_lines).sum();
     if broken > 0 {
         remarks.push(format!("{broken} lines of metrics could not be read and were left out"));
@@ -152,6 +155,12 @@ fn remarks(runs: &[Run], metrics: &[Metric], curves: &[Shown<'_>]) -> Vec<String
         );
     }
     remarks
+}
+
+/// What must be said of the gaps to a bisimulation among the metrics that are drawn or tabled: the same as of a table of them.
+fn gap_notes<'m>(runs: &[Run], metrics: impl Iterator<Item = &'m Metric>) -> Vec<String> {
+    let named: Vec<(&str, &Run)> = runs.iter().map(|run| (run.name.as_str(), run)).collect();
+    gaps::notes(&named, &metrics.map(|metric| metric.name.as_str()).collect::<Vec<_>>())
 }
 
 /// How far the runs got.

@@ -2,12 +2,25 @@
 //!
 //! In: runs with their names. Out: sentences for those who read a table or a report of them.
 
+use std::collections::BTreeSet;
+
 use crate::input::Run;
 use crate::metrics::{DYNAMICS_GAP, Metric, REWARD_GAP};
 use crate::picture::number::{fixed, minus};
 
 /// The gaps on the held-out grid.
 pub(super) const GAPS: [&str; 2] = [DYNAMICS_GAP, REWARD_GAP];
+
+/// After how many updates of the critic those of the runs' gaps that are shown were read, and what must be said of them; nothing where none is shown.
+pub(super) fn notes(runs: &[(&str, &Run)], shown: &[&str]) -> Vec<String> {
+    if !GAPS.iter().any(|gap| shown.contains(gap)) {
+        return Vec::new();
+    }
+    let known: BTreeSet<u64> = runs.iter().filter_map(|(_, run)| run.gap_updates()).collect();
+    let one = known.first().filter(|_| known.len() == 1);
+    let of_one = one.map(|updates| format!("gaps are those after {updates} updates of the critic, where runs say so"));
+    of_one.into_iter().chain(remarks(runs, shown)).collect()
+}
 
 /// What must be said of those of the runs' gaps that are shown.
 pub(super) fn remarks(runs: &[(&str, &Run)], shown: &[&str]) -> Vec<String> {
@@ -73,5 +86,9 @@ mod tests {
         assert!(said[1].starts_with("b: held-out dynamics gap (nats) is −0.250; below 0 the critic"), "{said:?}");
         assert_eq!(remarks(&[("a", &a), ("b", &b)], &["objective"]), Vec::<String>::new(), "no gap is shown");
         assert_eq!(remarks(&[("a", &a), ("a", &a)], &GAPS), Vec::<String>::new(), "of one procedure");
+        let one = "gaps are those after 500 updates of the critic, where runs say so";
+        assert_eq!(notes(&[("a", &a), ("a", &a)], &GAPS), [one]);
+        assert_eq!(notes(&[("a", &a), ("b", &b), ("c", &c)], &GAPS), said);
+        assert_eq!(notes(&[("a", &a)], &["objective"]), Vec::<String>::new());
     }
 }

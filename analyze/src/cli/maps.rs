@@ -56,7 +56,7 @@ pub(super) struct MapOptions {
     /// UMAP and t-SNE: rows to lay out; of a larger table this many are drawn, and the others are placed among them.
     #[arg(long, value_name = "ROWS", default_value_t = FIT_ROWS)]
     pub(super) fit_rows: usize,
-    /// Place these latents on an old map (a map.arrow made by UMAP) instead of making a new one.
+    /// Place these latents on an old map (a map.arrow made by UMAP; of a plain array one of all its rows) instead of making a new one.
     #[arg(long, value_name = "MAP",
         conflicts_with_all = ["method", "metric", "neighbours", "min_dist", "spread", "perplexity", "epochs", "fit_rows"])]
     pub(super) onto: Option<PathBuf>,

@@ -135,7 +135,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     if !constant.is_empty() && options.metric == Metric::Standardized {
         session.remark(format!("latent dimensions {constant:?} are constant and were left out of the distance"));
     }
-    let error = frames.as_ref().and_then(|frames| state_error_of(&session, frames, &queries, (&found, exclude)));
+    let error = frames
+        .as_ref()
+        .and_then(|frames| state_error_of(&session, frames, &queries, (&found, exclude, options.metric)));
     write_numbers(options, excluded, &mut session, &queries, &found, error)?;
     let line = draw(options, &mut session, frames.as_ref(), &queries, &found)?;
     let error = error.map_or_else(String::new, |e| {
@@ -149,10 +151,11 @@ fn state_error_of(
     session: &Session,
     frames: &Frames,
     queries: &[usize],
-    (found, exclude): (&Neighbours, Exclude<'_>),
+    (found, exclude, metric): (&Neighbours, Exclude<'_>, Metric),
 ) -> Option<StateError> {
     let states = frames.task_state(&session.latents);
-    state_error(&session.table().ok()?, &states, queries, found, exclude, &mut session.rng())
+    let space = Space::new(session.table().ok()?, metric).ok()?;
+    state_error(&space, &states, queries, found, exclude, &mut session.rng())
 }
 
 /// The rows to query, by index: those named, or drawn.

@@ -98,12 +98,15 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     }
     // Why one cannot be read is among the remarks.
     let runs: Vec<PathBuf> = options.runs.iter().filter(|r| Run::read(r).is_ok()).cloned().collect();
-    if !runs.is_empty() {
-        page.chapters.push(training(options, globals, runs, &out));
-    }
     let named: Vec<(&str, &Run)> =
         known.iter().filter_map(|known| Some((known.name.as_str(), known.run.as_ref()?))).collect();
     page.remarks.extend(gaps::remarks(&named, &gaps::GAPS));
+    if !runs.is_empty() {
+        let mut training = training(options, globals, runs, &out);
+        let said = &page.remarks;
+        training.sections.iter_mut().for_each(|section| section.remarks.retain(|remark| !said.contains(remark)));
+        page.chapters.push(training);
+    }
     page.verdict = verdict(&known);
     let names: Vec<&str> = known.iter().map(|known| known.name.as_str()).collect();
     let subject = task.as_ref().map_or_else(|| "Latents".to_string(), |task| format!("Latents of {task}"));

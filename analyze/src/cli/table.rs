@@ -89,7 +89,9 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     outcome.files.push(path);
     outcome.json = document;
     outcome.remarks = results.remarks();
-    outcome.remarks.extend(gap_remarks(&results, &metrics));
+    let names: Vec<&str> = metrics.iter().map(|metric| metric.name.as_str()).collect();
+    let named: Vec<(&str, &Run)> = results.runs().map(|run| (run.name.as_str(), run)).collect();
+    outcome.remarks.extend(gaps::notes(&named, &names));
     if !without.is_empty() {
         let lack: Vec<String> = without.iter().map(|(method, count)| format!("{count} of {method}")).collect();
         outcome.remarks.push(format!(
@@ -103,7 +105,6 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     } else {
         outcome.save(&Figure::Table(figure(heading, &table, &corner, averages, of)), &out, "table")?;
     }
-    let names: Vec<&str> = metrics.iter().map(|metric| metric.name.as_str()).collect();
     let body: Vec<String> = text.lines().map(|line| format!("  {line}")).collect();
     outcome.line = format!(
         "table: {} of {rows} {} by {corner}{}\n{}",
@@ -113,20 +114,6 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         body.join("\n")
     );
     Ok(outcome)
-}
-
-/// After how many updates of the critic the gaps of the table were read, and what must be said of them.
-fn gap_remarks(results: &Results, metrics: &[Metric]) -> Vec<String> {
-    let shown: Vec<&str> = metrics.iter().map(|metric| metric.name.as_str()).collect();
-    if !gaps::GAPS.iter().any(|gap| shown.contains(gap)) {
-        return Vec::new();
-    }
-    let runs: Vec<(&str, &Run)> = results.runs().map(|run| (run.name.as_str(), run)).collect();
-    let said = gaps::remarks(&runs, &shown);
-    let known: BTreeSet<u64> = runs.iter().filter_map(|(_, run)| run.gap_updates()).collect();
-    let one = known.first().filter(|_| known.len() == 1);
-    let of_one = one.map(|updates| format!("gaps are those after {updates} updates of the critic, where runs say so"));
-    of_one.into_iter().chain(said).collect()
 }
 
 /// What the marks of a table of text mean.

@@ -3,9 +3,12 @@
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeMap;
+
 use plotters::prelude::{Color as _, Rectangle};
 
 use super::axes::{Axes, Chart, Drawn, chart, reference, rgba, whisker};
+use super::colors;
 use super::heading::Heading;
 use crate::picture::color::{Color, FAINT, INK, kind};
 use crate::picture::font::{Weight, fit_ends, width, wrap};
@@ -64,9 +67,9 @@ impl Bars {
         let (mut picture, mut y) = self.heading.picture(COLUMN, body + foot);
         let labels = self.groups.iter().flat_map(|g| &g.bars).map(|b| width(&b.label, LABEL_SIZE, Weight::Regular));
         let left = labels.fold(20.0, f64::max).min(0.42 * COLUMN) + 12.0;
-        let sources = self.sources();
+        let colors = self.colors();
         for group in &self.groups {
-            group.draw(&mut picture, (left, y), &sources);
+            group.draw(&mut picture, (left, y), &colors);
             y += group.height();
         }
         if chance {
@@ -75,15 +78,17 @@ impl Bars {
         picture
     }
 
-    /// What the bars are of, in the order of their colours: one that stands in several groups, or several times in one, has one colour.
-    fn sources(&self) -> Vec<&str> {
-        let mut sources: Vec<&str> = Vec::new();
+    /// The colour of everything that bars are of: one that stands in several groups, or several times in one, has one colour, and a method that is known by name the
+    /// one that it has in other figures.
+    fn colors(&self) -> BTreeMap<String, Color> {
+        let mut sources: Vec<String> = Vec::new();
         for source in self.groups.iter().flat_map(|group| &group.bars).map(Bar::source) {
-            if !sources.contains(&source) {
-                sources.push(source);
+            if !sources.iter().any(|known| known == source) {
+                sources.push(source.to_owned());
             }
         }
-        sources
+        let numbers = colors::numbers(&sources);
+        sources.into_iter().zip(numbers).map(|(source, number)| (source, kind(number))).collect()
     }
 }
 
@@ -106,7 +111,7 @@ impl BarGroup {
         LINE * self.title().len() as f64 + GAP + PITCH * self.bars.len() as f64 + BELOW
     }
 
-    fn draw(&self, picture: &mut Picture, (left, top): (f64, f64), sources: &[&str]) {
+    fn draw(&self, picture: &mut Picture, (left, top): (f64, f64), colors: &BTreeMap<String, Color>) {
         let title = self.title();
         let above = LINE * title.len() as f64 + GAP;
         for (i, line) in title.into_iter().enumerate() {
@@ -124,8 +129,8 @@ impl BarGroup {
         }
         chart(picture, axes, |chart| {
             self.bars.iter().enumerate().try_for_each(|(i, bar)| {
-                let source = sources.iter().position(|source| *source == bar.source()).unwrap_or(0);
-                bar.draw(chart, x, area.h - (i as f64 + 0.5) * PITCH, kind(source))
+                let color = colors.get(bar.source()).copied().unwrap_or(INK);
+                bar.draw(chart, x, area.h - (i as f64 + 0.5) * PITCH, color)
             })
         });
     }

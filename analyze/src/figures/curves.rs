@@ -1,6 +1,5 @@
 //! Curves over training (Figure 3 of the paper): one facet a metric, one line a group of runs, a band for its interval.
 
-mod colors;
 mod line;
 #[cfg(test)]
 mod tests;
@@ -8,6 +7,7 @@ mod tests;
 pub use line::Curve;
 
 use super::axes::{Axes, chart};
+use super::colors;
 use super::heading::Heading;
 use super::legend::{self, Mark};
 use crate::picture::color::{Color, FAINT, LINES, kind};
@@ -101,7 +101,14 @@ impl Curves {
 
     /// The foot with what was done to lines and bands.
     fn foot_text(&self) -> String {
-        let mut facts = vec![self.foot.clone()];
+        let foot = Some(&self.foot).filter(|foot| !foot.is_empty()).cloned();
+        foot.into_iter().chain(self.facts()).collect::<Vec<_>>().join("; ")
+    }
+
+    /// What was done to lines and bands and must be known, a fact each: bands that are cut, and lines that are broken.
+    #[must_use]
+    pub fn facts(&self) -> Vec<String> {
+        let mut facts = Vec::new();
         let cut: Vec<&str> = self.facets.iter().filter(|f| f.is_cut()).map(|f| f.metric.as_str()).collect();
         let shown = self.facets.iter().filter(|facet| !facet.curves.is_empty()).count();
         if !cut.is_empty() {
@@ -111,8 +118,7 @@ impl Curves {
         if self.facets.iter().flat_map(|facet| &facet.curves).any(Curve::has_fewer) {
             facts.push("a line is broken, and drawn thinner, where fewer runs of its group reach".into());
         }
-        facts.retain(|fact| !fact.is_empty());
-        facts.join("; ")
+        facts
     }
 }
 

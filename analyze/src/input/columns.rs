@@ -1,12 +1,13 @@
 //! A user's own column of a table: numbers, or kinds with names.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use polars::prelude::{DataType, PolarsError, Series};
 
 use super::InputError;
 use super::tables::column;
+use crate::natural::pieces;
 
 /// One value a row.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,7 +18,7 @@ pub enum UserColumn {
     Kinds {
         /// The kind of every row; none where there is none.
         of_row: Vec<Option<u32>>,
-        /// What the kinds are called.
+        /// What the kinds are called, in natural order: `kind2` before `kind10`.
         names: Vec<String>,
     },
 }
@@ -52,13 +53,35 @@ impl UserColumn {
         }
     }
 
-    /// Kinds are numbered in the order of their names.
+    /// Kinds are numbered in the natural order of their names, as legends list them.
     fn kinds(texts: impl Iterator<Item = Option<String>>) -> Self {
         let texts: Vec<Option<String>> = texts.collect();
-        let mut numbers: BTreeMap<&str, u32> = texts.iter().flatten().map(|text| (text.as_str(), 0)).collect();
-        numbers.values_mut().enumerate().for_each(|(i, number)| *number = i as u32);
+        // Names that differ in zeros alone, as `kind2` and `kind02`, are two kinds: the sort is stable.
+        let different: BTreeSet<&str> = texts.iter().flatten().map(String::as_str).collect();
+        let mut names: Vec<&str> = different.into_iter().collect();
+        names.sort_by_cached_key(|&name| pieces(name));
+        let numbers: BTreeMap<&str, u32> = names.iter().copied().zip(0..).collect();
         let of_row = texts.iter().map(|text| text.as_deref().and_then(|text| numbers.get(text).copied())).collect();
-        let names = numbers.keys().map(ToString::to_string).collect();
-        Self::Kinds { of_row, names }
+        Self::Kinds { of_row, names: names.into_iter().map(String::from).collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::UserColumn;
+    use crate::figures::Coloring;
+
+    #[test]
+    fn kinds_are_numbered_as_legends_list_them() {
+        let texts = ["kind10", "kind2", "kind02", "kind10", "kind1"];
+        let column = UserColumn::kinds(texts.iter().map(|text| Some((*text).to_owned())).chain([None]));
+        let UserColumn::Kinds { of_row, names } = column else { panic!("kinds") };
+        assert_eq!(names, ["kind1", "kind02", "kind2", "kind10"]);
+        assert_eq!(of_row, [Some(3), Some(2), Some(1), Some(3), Some(0), None]);
+        // The colours follow the numbers: a figure that sorted them otherwise would give other ones.
+        let coloring = |kinds: &[Option<u32>], names: &[String]| {
+            Coloring::Kind { name: "weather".into(), kinds: kinds.to_vec(), names: names.to_vec() }.of_points()
+        };
+        assert_eq!(coloring(&of_row, &names), coloring(&of_row, &[]));
     }
 }

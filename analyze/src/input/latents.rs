@@ -16,7 +16,7 @@ use vibes_data::{Latents, LatentsSource};
 
 use super::columns::UserColumn;
 use super::lists::{Lists, Narrowed, Origin};
-use super::recorded::{Recorded, number_rows};
+use super::recorded::{Recorded, key_rows, number_rows};
 use super::tables::{TableFile, column};
 use super::{InputError, Rows, choices};
 
@@ -93,19 +93,18 @@ pub fn read_with_origin(path: &Path, asked: &Asked) -> Result<(ReadLatents, Orig
     read_some(path, asked, None)
 }
 
-/// The rows of these keys that a table of latents has, in its order, as they were read when an expression chose them.
+/// The rows of these keys that a table of latents has, in its order, as they were read when an expression chose them. The rows of a plain array have these keys, in order.
 ///
 /// # Errors
-/// As [`read_asked`].
+/// As [`read_asked`], and a plain array of another number of rows.
 pub fn read_rows(path: &Path, episodes: &[u32], steps: &[u32]) -> Result<(ReadLatents, Origin), InputError> {
-    let keys: RowKeys = episodes.iter().copied().zip(steps.iter().copied()).collect();
-    read_some(path, &Asked::default(), Some(&keys))
+    read_some(path, &Asked::default(), Some((episodes, steps)))
 }
 
-/// Keys of rows, episode and step.
-type RowKeys = HashSet<(u32, u32)>;
+/// Keys of rows: episodes and steps, one of each a row.
+type RowKeys<'k> = (&'k [u32], &'k [u32]);
 
-fn read_some(path: &Path, asked: &Asked, keys: Option<&RowKeys>) -> Result<(ReadLatents, Origin), InputError> {
+fn read_some(path: &Path, asked: &Asked, keys: Option<RowKeys<'_>>) -> Result<(ReadLatents, Origin), InputError> {
     let file = TableFile::open(path)?;
     let recorded = asked.recording.as_deref().map(Recorded::open).transpose()?;
     let lists = latent_columns(&file, path)?;
@@ -117,7 +116,10 @@ fn read_some(path: &Path, asked: &Asked, keys: Option<&RowKeys>) -> Result<(Read
     let all: Vec<String> = names.iter().chain(rest).cloned().collect();
     let (mut frame, mut remarks) = (file.read(&all)?, Vec::new());
     if file.is_keyless_array() {
-        remarks.push(number_rows(&mut frame, recorded.as_ref(), path)?);
+        match keys {
+            Some(keys) => key_rows(&mut frame, keys, path)?,
+            None => remarks.push(number_rows(&mut frame, recorded.as_ref(), path)?),
+        }
         names.extend(KEYS.map(String::from));
     }
     let fault =
@@ -280,7 +282,8 @@ fn check_keys(frame: &DataFrame, path: &Path) -> Result<(), InputError> {
 }
 
 /// The rows of these keys.
-fn of_keys(flat: &DataFrame, keys: &RowKeys, path: &Path) -> Result<DataFrame, InputError> {
+fn of_keys(flat: &DataFrame, keys: RowKeys<'_>, path: &Path) -> Result<DataFrame, InputError> {
+    let keys: HashSet<(u32, u32)> = keys.0.iter().copied().zip(keys.1.iter().copied()).collect();
     let (episodes, steps) = (known(whole(flat, "episode", path)?), known(whole(flat, "step", path)?));
     let is_wanted = |row: &u32| keys.contains(&(episodes[*row as usize], steps[*row as usize]));
     let wanted: Vec<u32> = (0..flat.height() as u32).filter(is_wanted).collect();

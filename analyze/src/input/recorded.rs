@@ -92,13 +92,26 @@ pub(super) fn number_rows(
     if episodes.len() != rows {
         return Err(no_keys(format!(", and {name} has {}", episodes.len())));
     }
-    let fault = |error: PolarsError| column(path, "episode and step", error.to_string(), "one of each a row");
-    frame.with_column(Column::new("episode".into(), episodes)).map_err(fault)?;
-    frame.with_column(Column::new("step".into(), steps)).map_err(fault)?;
+    add_keys(frame, (&episodes, &steps), path)?;
     // Where it lies on this machine is nobody's business: a report shows this.
     let name = recorded.path.file_name().map_or_else(|| "the recording".into(), |name| name.to_string_lossy());
     Ok(format!(
         "a plain array has no keys: its {rows} rows are taken for those of {name} in order, {} episodes one after the other, each with its T + 1 rows",
         entries.len()
     ))
+}
+
+/// Gives the rows of a plain array these keys, in order: those of a map that was made of all of its rows, when a recording said whose they are.
+pub(super) fn key_rows(frame: &mut DataFrame, keys: (&[u32], &[u32]), path: &Path) -> Result<(), InputError> {
+    if frame.height() != keys.0.len() {
+        return Err(InputError::SomeOfArray { rows: frame.height(), of_map: keys.0.len(), path: path.into() });
+    }
+    add_keys(frame, keys, path)
+}
+
+fn add_keys(frame: &mut DataFrame, (episodes, steps): (&[u32], &[u32]), path: &Path) -> Result<(), InputError> {
+    let fault = |error: PolarsError| column(path, "episode and step", error.to_string(), "one of each a row");
+    frame.with_column(Column::new("episode".into(), episodes.to_vec())).map_err(fault)?;
+    frame.with_column(Column::new("step".into(), steps.to_vec())).map_err(fault)?;
+    Ok(())
 }

@@ -72,3 +72,23 @@ fn a_plain_array_has_the_keys_of_the_recording_that_is_named() {
     let page = std::fs::read_to_string(folder.join("page/report.html")).expect("page");
     assert!(page.contains("Same state found under another distractor"), "the grid is known");
 }
+
+#[test]
+fn a_map_of_a_plain_array_takes_new_latents_if_it_is_of_all_rows() {
+    let (fixture, latents) = made();
+    let folder = fixture.path();
+    std::fs::write(folder.join("own.npy"), npy(&latents)).expect("array");
+    let own = ["umap", "own.npy", "--recording", "recordings/discs"];
+    good(folder, &[&own[..], &["-o", "whole"]].concat());
+    let (line, _) = good(folder, &[&own[..], &["--onto", "whole/map.arrow", "-o", "placed"]].concat());
+    assert!(line.contains("placed on whole/map.arrow"), "{line}");
+    // Without keys nobody knows which rows a map of some is of.
+    good(folder, &[&own[..], &["--where", "step < 5", "-o", "part"]].concat());
+    let error = bad(folder, &[&own[..], &["--onto", "part/map.arrow", "-o", "placed"]].concat(), 1);
+    assert!(error.contains("99 rows, and the map is of 45") && error.contains("make the map of all rows"), "{error}");
+    // Other rows under the same keys are other latents.
+    let moved = Latents { latent: latents.latent.iter().map(|value| value + 1.0).collect(), ..latents };
+    std::fs::write(folder.join("own.npy"), npy(&moved)).expect("array");
+    let error = bad(folder, &[&own[..], &["--onto", "whole/map.arrow", "-o", "placed"]].concat(), 2);
+    assert!(error.contains("the map is of other latents"), "{error}");
+}

@@ -29,7 +29,7 @@ const PAIRS: usize = 200_000_000;
 const ROUNDING: f64 = 1e-12;
 
 /// The denoising factor, with an interval over state and distractor trajectories: each is left out in turn, as anchor and as what anchors are compared with
-/// (see [`crossed`]). None with fewer than three of either kind. Nothing is drawn; the generator is asked for as by the other measures of a grid.
+/// (see [`crossed`]). None with fewer than three of either kind. Nothing is drawn and the generator is not used: it is asked for as by the other measures of a grid, so that all are called alike.
 ///
 /// # Errors
 /// Latents that do not vary.

@@ -58,6 +58,16 @@ impl Shown<'_> {
     pub(super) fn title(&self) -> String {
         title(self.metric, self.task.as_deref())
     }
+
+    /// Which groups' curves are of fewer runs than the group has: those that lack the metric are left out.
+    pub(super) fn lacking(&self) -> Vec<String> {
+        let fact = |curve: &GroupCurve| {
+            let (lack, all) = (curve.all - curve.runs, curve.all);
+            let (title, group) = (self.title(), &curve.group);
+            (lack > 0).then(|| format!("{title}: {lack} of {all} runs of {group} have no such curve and are left out"))
+        };
+        self.curves.iter().filter_map(fact).collect()
+    }
 }
 
 /// What a metric is called, of one task if there are several.
@@ -86,6 +96,8 @@ pub(super) struct GroupCurve {
     pub(super) group: String,
     pub(super) points: Vec<CurvePoint>,
     pub(super) runs: usize,
+    /// Runs of the group, with those that lack the metric.
+    pub(super) all: usize,
     /// What its intervals are over, if it has any.
     pub(super) over: Option<Over>,
 }
@@ -113,9 +125,10 @@ fn group_curves(runs: &[Run], groups: &Groups, metric: &str, task: Option<&str>)
     let mut curves = Vec::new();
     for group in &groups.names {
         let members = runs.iter().zip(&groups.of_runs).filter(|(run, of)| *of == group && is_of(run, task));
-        let members: Vec<&Run> = members.map(|(run, _)| run).filter(|run| has_it(run)).collect();
+        let all: Vec<&Run> = members.map(|(run, _)| run).collect();
+        let members: Vec<&Run> = all.iter().copied().filter(|run| has_it(run)).collect();
         if !members.is_empty() {
-            curves.push(group_curve(group, &members, metric)?);
+            curves.push(GroupCurve { all: all.len(), ..group_curve(group, &members, metric)? });
         }
     }
     Ok(curves)
@@ -131,7 +144,7 @@ fn group_curve(group: &str, members: &[&Run], metric: &str) -> anyhow::Result<Gr
         [only] => own_intervals(only, metric, &mut points),
         _ => points.iter().any(|point| point.y.low.is_finite()).then_some(Over::Runs),
     };
-    Ok(GroupCurve { group: group.to_owned(), points, runs: members.len(), over })
+    Ok(GroupCurve { group: group.to_owned(), points, runs: members.len(), all: members.len(), over })
 }
 
 /// Gives the points of a single run the intervals that its evaluations hold, and says what these are over.

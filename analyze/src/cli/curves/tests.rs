@@ -2,7 +2,7 @@
 
 use super::groups::{columns, shown};
 use super::*;
-use crate::metrics::HELD_OUT_RETURN;
+use crate::metrics::{DYNAMICS_GAP, HELD_OUT_RETURN};
 
 /// A run of an objective on a task, whose objective is the same number all the way.
 fn write(runs: &Path, name: &str, (objective, task): (&str, &str), value: f64) -> PathBuf {
@@ -107,6 +107,40 @@ fn a_run_that_sees_no_video_has_one_panel_of_returns() {
     let (document, figure) = curves_of(vec![path], &[]);
     assert_eq!(metrics(&document), json!([HELD_OUT_RETURN, TRAINING_VIDEOS_RETURN, "objective"]));
     assert!(figure.contains("return, held-out videos"));
+}
+
+/// What `vibes-train evaluate` found of a run: a gap below 0, after so many updates of the critic.
+fn judge(run: &Path, updates: u32) {
+    let document = json!({
+        "checkpoint": "checkpoints/000009/model.safetensors", "gap_updates": updates, "report": {}, "gaps": { "dynamics_gap": -0.25 },
+    });
+    std::fs::write(run.join("evaluation.json"), document.to_string()).expect("evaluation");
+}
+
+#[test]
+fn what_curves_lack_and_what_gaps_are_worth_is_said_beside_them() {
+    let home = tempfile::tempdir().expect("folder");
+    let runs = ["a", "b", "c"].map(|name| write(home.path(), name, ("vibes", "reacher"), 1.0));
+    evaluate(&runs[0], 1.0);
+    evaluate(&runs[1], 2.0);
+    judge(&runs[0], 500);
+    judge(&runs[1], 200);
+    // The third run stopped early, and nobody evaluated it.
+    let line = |update: u32| json!({ "update": update, "objective": 1.0 }).to_string() + "\n";
+    std::fs::write(runs[2].join("metrics.jsonl"), (1..=4).map(line).collect::<String>()).expect("metrics");
+    let said = |metrics: &[&str]| {
+        let metrics = metrics.iter().map(|name| (*name).to_string()).collect();
+        let options = Options { metrics, ..Options::of(runs.to_vec(), &home.path().join("figures"), None) };
+        run(&options, &Globals { quiet: true, ..Globals::default() }).expect("curves").remarks.join("\n")
+    };
+    let of_objective = said(&["objective"]);
+    assert!(of_objective.contains("a line is broken, and drawn thinner, where fewer runs"), "{of_objective}");
+    assert!(!of_objective.contains("no such curve") && !of_objective.contains("critic"), "{of_objective}");
+    let of_return = said(&[HELD_OUT_RETURN]);
+    let lacking = "return, held-out videos: 1 of 3 runs of vibes have no such curve and are left out";
+    assert!(of_return.contains(lacking) && !of_return.contains("broken"), "{of_return}");
+    let of_gap = said(&[DYNAMICS_GAP]);
+    assert!(of_gap.contains("a after 500, b after 200") && of_gap.contains("below 0 the critic overfits"), "{of_gap}");
 }
 
 #[test]

@@ -29,6 +29,15 @@ fn a_source_has_one_colour_in_all_groups() {
 }
 
 #[test]
+fn a_method_has_the_colour_of_other_figures_wherever_it_stands() {
+    let tables = |labels: &[&str]| colors(&draw(vec![group("state", labels), group("retrieval", &labels[..1])]));
+    let [vibes, no_adversary, reconstruction] = [KINDS[0], KINDS[1], KINDS[2]];
+    assert_eq!(tables(&["reconstruction", "vibes"]), [reconstruction, vibes, reconstruction]);
+    let found = tables(&["mine", "reacher-no-adversary-1", "reconstruction-2"]);
+    assert_eq!(found, [vibes, no_adversary, reconstruction, vibes], "what is not known takes what is left");
+}
+
+#[test]
 fn an_interval_that_leaves_the_axis_has_no_end_there() {
     let ends = |interval: (f64, f64)| {
         let mut one = group("share", &["latent"]);

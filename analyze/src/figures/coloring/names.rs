@@ -3,28 +3,8 @@
 use std::collections::BTreeSet;
 
 use super::{Coloring, TEN};
+use crate::natural::pieces;
 use crate::picture::color::Color;
-
-/// A piece of a name: its digits as the number that they are, or what stands between them.
-#[derive(PartialEq, Eq, PartialOrd, Ord)]
-enum Piece<'n> {
-    /// How many digits, without zeros in front, and which.
-    Number(usize, &'n [u8]),
-    Text(&'n [u8]),
-}
-
-/// A name as its pieces, by which `kind2` comes before `kind10`.
-fn pieces(name: &str) -> Vec<Piece<'_>> {
-    name.as_bytes().chunk_by(|a, b| a.is_ascii_digit() == b.is_ascii_digit()).map(piece).collect()
-}
-
-fn piece(run: &[u8]) -> Piece<'_> {
-    if !run.iter().all(u8::is_ascii_digit) {
-        return Piece::Text(run);
-    }
-    let zeros = run.iter().take_while(|digit| **digit == b'0').count();
-    Piece::Number(run.len() - zeros, &run[zeros..])
-}
 
 impl Coloring {
     /// The kinds that occur, in the order of their names, or of their numbers where they have none; nothing of a quantity.

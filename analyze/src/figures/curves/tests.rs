@@ -41,6 +41,17 @@ fn says(picture: &Picture, words: &str) -> bool {
 }
 
 #[test]
+fn the_facts_are_those_of_the_foot() {
+    let mut shown = figure(vec![facet(vec![curve(0, &[0.0, 1.0, 2.0], 100.0)])], None);
+    assert_eq!(shown.facts(), ["a band that reaches the edge of its panel goes on beyond it"]);
+    shown.facets[0].curves[0].runs = vec![2, 2, 1];
+    shown.foot = "band of a single run".into();
+    assert_eq!(shown.facts().len(), 2);
+    assert_eq!(shown.foot_text(), format!("band of a single run; {}", shown.facts().join("; ")));
+    assert!(figure(vec![facet(vec![curve(0, &[0.0, 1.0], 0.5)])], None).foot_text().is_empty());
+}
+
+#[test]
 fn every_band_lies_beneath_every_line() {
     let shown = figure(vec![facet(vec![curve(0, &[0.0, 1.0, 2.0], 0.5), curve(1, &[0.5, 1.0, 1.5], 0.5)])], None);
     let shapes = shown.draw().shapes;

@@ -1,4 +1,4 @@
-//! Which colour a group of runs has: a method that is known by name the same one in every figure.
+//! Which colour a group of runs, or a table of their latents, has: a method that is known by name the same one in every figure.
 
 use crate::picture::color::KINDS;
 
