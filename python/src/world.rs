@@ -127,7 +127,9 @@ impl World {
             .into_iter()
             .map(|key| key.map(|(seed, state, distractor)| EpisodeKey { seed, state, distractor }))
             .collect();
-        let rows = self.rows(py, draw, |i, slot| keys[i].map_or(Ok(0.0), |key| slot.begin(key).map(|()| 0.0)))?;
+        let ready = |i: usize, slot: &Slot| keys[i].map_or(Ok(()), |key| slot.can_begin(key));
+        let rows =
+            self.rows(py, draw, ready, |i, slot| keys[i].map_or(Ok(0.0), |key| slot.begin(key).map(|()| 0.0)))?;
         self.arrays(py, rows, draw)
     }
 
@@ -155,16 +157,21 @@ impl World {
                 return Err(refused(format!("{} episodes for {} environments", keys.len(), self.environments)));
             }
         };
-        let rows = self.rows(py, draw, |i, slot| match keys[i] {
+        let action = |i: usize| &actions[i * width..(i + 1) * width];
+        let ready = |i: usize, slot: &Slot| match keys[i] {
+            Some(key) => slot.can_begin(key),
+            None => slot.can_step(action(i)),
+        };
+        let rows = self.rows(py, draw, ready, |i, slot| match keys[i] {
             Some(key) => slot.begin(key).map(|()| 0.0),
-            None => slot.step(&actions[i * width..(i + 1) * width]),
+            None => slot.step(action(i)),
         })?;
         self.arrays(py, rows, draw)
     }
 
     /// The present pictures, `[environments, size, size, 3]`; none of a world without pictures.
     fn pictures<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let rows = self.rows(py, true, |_, _| Ok(0.0))?;
+        let rows = self.rows(py, true, |_, _| Ok(()), |_, _| Ok(0.0))?;
         self.arrays(py, rows, true)?.get_item("pixels")
     }
 
@@ -177,7 +184,7 @@ impl World {
     /// it took. What a loop in Rust costs.
     fn roll(&self, py: Python<'_>, steps: u32, draw: bool) -> PyResult<f64> {
         let began = std::time::Instant::now();
-        self.each(py, &mut Rows::of(self.environments, 0, 0), |_, slot, _| slot.roll(steps, draw))?;
+        self.each(py, &mut Rows::of(self.environments, 0, 0), |_, _| Ok(()), |_, slot, _| slot.roll(steps, draw))?;
         Ok(began.elapsed().as_secs_f64())
     }
 
@@ -190,10 +197,15 @@ impl World {
 impl World {
     /// Keeps every episode that begins from now on and is played to its end in a recording; none stops keeping.
     pub(crate) fn keep(&self, py: Python<'_>, keeper: Option<Keeper>) -> PyResult<()> {
-        self.each(py, &mut Rows::of(self.environments, 0, 0), |_, slot, _| {
-            slot.keep(keeper.clone());
-            Ok(())
-        })
+        self.each(
+            py,
+            &mut Rows::of(self.environments, 0, 0),
+            |_, _| Ok(()),
+            |_, slot, _| {
+                slot.keep(keeper.clone());
+                Ok(())
+            },
+        )
     }
 
     pub(crate) fn options(&self) -> &WorldOptions {
@@ -223,24 +235,27 @@ impl World {
         }
     }
 
-    /// Lets every environment do `work`, which returns its reward, and show its row.
+    /// Lets every environment do `work`, which returns its reward, and show its row; none if one is not `ready`.
     fn rows(
         &self,
         py: Python<'_>,
         draw: bool,
+        ready: impl Fn(usize, &Slot) -> Result<(), String> + Send + Sync,
         work: impl Fn(usize, &mut Slot) -> Result<f64, String> + Send + Sync,
     ) -> PyResult<Rows> {
         let pixels = if draw { self.spec.pixels_len() } else { 0 };
         let mut rows = Rows::of(self.environments, pixels, self.spec.observation_len());
-        self.each(py, &mut rows, |i, slot, place| work(i, slot).and_then(|reward| slot.show(reward, place)))?;
+        self.each(py, &mut rows, ready, |i, slot, place| work(i, slot).and_then(|reward| slot.show(reward, place)))?;
         Ok(rows)
     }
 
-    /// Lets every environment work, each with its place in `rows`. All of them finish, whatever happens to one; the first error is the answer.
+    /// Lets every environment work, each with its place in `rows`, once all of them are `ready`: what can be refused beforehand moves none. Then the others
+    /// finish, whatever happens to one, and the first error is the answer.
     fn each(
         &self,
         py: Python<'_>,
         rows: &mut Rows,
+        ready: impl Fn(usize, &Slot) -> Result<(), String> + Send + Sync,
         work: impl Fn(usize, &mut Slot, Place<'_>) -> Result<(), String> + Send + Sync,
     ) -> PyResult<()> {
         if std::process::id() != self.process {
@@ -250,11 +265,16 @@ impl World {
             ));
         }
         let one = |(i, (slot, place)): (usize, (&mut Slot, Place<'_>))| visiting(|| guarded(|| work(i, slot, place)));
+        let of_which = |i: usize, fact: String| match self.environments {
+            1 => fact,
+            _ => format!("environment {i}: {fact}"),
+        };
         unlocked_here(py, || -> Result<(), String> {
             let mut slots = self.lock();
             if slots.is_empty() {
                 return Err("this environment is closed; make another".to_owned());
             }
+            slots.iter().enumerate().try_for_each(|(i, slot)| ready(i, slot).map_err(|fact| of_which(i, fact)))?;
             let shares: Vec<_> = slots.iter_mut().zip(rows.places()).enumerate().collect();
             let Some(pool) = &self.pool else { return shares.into_iter().try_for_each(one) };
             let done: Vec<_> = pool.install(|| shares.into_par_iter().with_max_len(1).map(one).collect());

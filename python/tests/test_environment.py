@@ -163,6 +163,66 @@ def test_what_is_refused_uses_up_no_episode(tmp_path):
         assert env.reset()[1]["episode_number"] == 1
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_step_that_is_refused_moves_no_environment(threads):
+    options = {"observation": "state", "action_repeat": 500, "threads": threads}
+    many, twin = (vibes.make_vec("cartpole-swingup", 2, **options) for _ in range(2))
+    for one in (many, twin):
+        one.reset()
+    for actions in ([[0.1], [0.2]], [[0.5], [-0.5]]):
+        for wrong, fact in [([[0.3], [np.nan]], r"environment 1: action\[0\] is NaN"), ([[np.inf], [0.3]], r"environment 0: action\[0\] is inf")]:
+            with pytest.raises(vibes.Error, match=fact):
+                many.step(wrong)
+        (seen, rewards, _, over, _), (expected, earned, _, ended, _) = many.step(actions), twin.step(actions)
+        np.testing.assert_array_equal(seen, expected)
+        np.testing.assert_array_equal(rewards, earned)
+        assert over.tolist() == ended.tolist()
+    # The end of an episode is not lost, and the actions of environments that begin another are not looked at.
+    assert over.all()
+    assert many.step([[np.nan], [np.nan]])[4]["episode_number"].tolist() == [2, 3]
+
+
+def test_one_environment_that_is_over_or_has_not_begun_holds_the_others():
+    world = vibes.World("cartpole-swingup", environments=2, size=None, action_repeat=500)
+    world.reset([True, False])
+    with pytest.raises(vibes.Error, match="environment 1: no episode is being played; call reset first"):
+        world.step([[0.1], [0.1]])
+    world.reset_to([None, (0, 1, 1)])
+    assert world.step([[0.1], [0.1]])["is_last"].tolist() == [False, False]
+    world.reset([False, True])
+    assert world.step([[0.1], [0.1]])["is_last"].tolist() == [True, False]
+    for _ in range(2):
+        with pytest.raises(vibes.Error, match="environment 0: the episode is over; call reset"):
+            world.step([[0.1], [0.1]])
+    assert world.step([[0.1], [0.1]], reset=[True, False])["is_last"].tolist() == [False, True]
+
+
+def test_a_reset_that_is_refused_moves_no_environment(tmp_path):
+    world = vibes.World("cartpole-swingup", environments=2, size=None, action_repeat=500)
+    with vibes.Writer(tmp_path / "mine", world, mcap=False) as writer:
+        for _ in range(2):
+            world.reset()
+            world.step([[0.1], [0.1]])
+            if len(writer) == 0:
+                world.step([[0.1], [0.1]])
+        with pytest.raises(vibes.Error, match="environment 1: episode 1 is in the recording already"):
+            world.reset_to([(0, 7, 7), (0, 1, 1)])
+        assert world.episodes.tolist() == [2, 3]
+        assert world.step([[0.1], [0.1]])["is_last"].tolist() == [True, True]
+    assert vibes.open(tmp_path / "mine").indices == [0, 1, 2, 3]
+
+
+def test_how_many_environments_there_are_is_no_option():
+    """One that is shown and five that are played, or two that are named and five that are."""
+    for make in (
+        lambda: vibes.make_dm("cartpole-swingup", observation="state", environments=5),
+        lambda: vibes.make_vec("cartpole-swingup", 2, observation="state", environments=5),
+        lambda: gymnasium.make("vibes/cartpole-swingup-v0", observation="state", environments=5),
+    ):
+        with pytest.raises(TypeError, match="environments"):
+            make()
+
+
 def test_pictures_are_shown_at_one_a_second_at_least():
     for repeat, frames in [(1, 100), (100, 1), (1000, 1)]:
         assert vibes.make("cartpole-swingup", observation="state", action_repeat=repeat).metadata["render_fps"] == frames
@@ -296,6 +356,7 @@ def test_errors_name_what_would_be_right():
         (dict(seed=-1), "2\\*\\*64"),
         (dict(observation="sound"), "pixels, state, both"),
         (dict(render_mode="human"), "rgb_array"),
+        (dict(render_mode=np.array([1, 2])), "rgb_array"),
     ]
     for arguments, words in wrong:
         with pytest.raises(vibes.Error, match=words):
@@ -336,6 +397,11 @@ WRONG_OPTIONS = [
     (dict(difficulty=None), "difficulty None; right is a name"),
     (dict(distract=5), "distract 5; right is some of background, camera and color"),
     (dict(distract=[1]), r"distract \[1\]; right is some of"),
+    (dict(distract=0), "distract 0; right is some of"),
+    (dict(distract=False), "distract False; right is some of"),
+    (dict(dynamic="no"), "dynamic of type <U2; right is True or False"),
+    (dict(dynamic=None), "dynamic None; right is True or False"),
+    (dict(raw_torques=2), "raw_torques 2; right is True or False"),
     (dict(seed=0.5), r"the seed 0.5; right is a whole number from 0 to 2\*\*64 - 1"),
     (dict(camera_seed=-1), "camera_seed -1; right is a whole number"),
 ]
@@ -381,6 +447,9 @@ def test_a_wrong_call_is_named_with_what_would_be_right():
         (lambda: world.reset_to([(0, 1, 0.5), None]), "the distractor trajectory 0.5; right is a whole number"),
         (lambda: world.seek("a"), "first 'a'; right is a whole number"),
         (lambda: world.keep(3), "writer 3; right is a vibes.Writer"),
+        (lambda: world.keep(None, acts_by_pictures=True), "acts_by_pictures without a writer"),
+        (lambda: world.reset(draw="no"), "draw of type <U2; right is True or False"),
+        (lambda: world.step(np.zeros((2, 2)), draw=[True, False]), r"draw \[True, False\]; right is True or False"),
     ]
     for call, words in wrong:
         with pytest.raises(vibes.Error, match=words):

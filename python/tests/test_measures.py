@@ -210,10 +210,31 @@ def test_views_within_a_recording_are_held_out_together(recorded, tmp_path):
     assert groups == {"one": {4}, "merged": {4}}
 
 
+def test_what_probes_are_fitted_on_is_found_by_name():
+    table, _ = grid(states=10, noise=0.01, dims=3)
+    one, two = (table.latents[:, place].astype(float) for place in (0, 1))
+    judged = {"one": one, "two": two}
+    for theirs in (judged, {"two": two, "one": one}):
+        scores = measures.probes(table, judged, fit_on=(table, theirs))
+        assert [score["quantity"] for score in scores] == ["one", "two"] * 2
+        assert all(score["score"]["estimate"] > 0.9 for score in scores), "its own column, whatever the order"
+
+
+def test_a_recording_without_a_finished_episode_is_named(tmp_path):
+    spec = {"task": "mine", "action_low": [-1, -1], "action_high": [1, 1], "observation": {"x": 2}}
+    vibes.Writer(tmp_path / "empty", spec=spec, mcap=False).close()
+    recording = vibes.open(tmp_path / "empty")
+    assert len(recording) == 0
+    for call in (lambda: measures.past_actions_table(recording), lambda: measures.Table(np.zeros((0, 2)), recording=recording), lambda: measures.Table(np.eye(2), recording=recording)):
+        with pytest.raises(vibes.Error, match="the recording has no finished episode; right is at least one: .*empty"):
+            call()
+
+
 def test_errors_name_what_would_be_right(sample):
     table, keys = grid()
     recording = vibes.open(sample)
     rows = sum(episode.steps + 1 for episode in recording)
+    some, pairs = np.arange(len(table)) * 0.5, np.ones((len(table), 2))
     wrong = [
         (lambda: measures.Table(np.zeros((3, 2)), episode=[0, 0], step=[0, 1]), "expected"),
         (lambda: measures.Table(np.zeros(3), episode=[0], step=[0]), r"\[rows, dims\]"),
@@ -240,6 +261,31 @@ def test_errors_name_what_would_be_right(sample):
         (lambda: measures.past_actions("ab"), r"actions of type <U2; right is numbers \[T, action\]"),
         (lambda: measures.Table("ab", episode=[0], step=[0]), r"latents of type <U2; right is numbers \[rows, dims\]"),
         (lambda: measures.Table(np.eye(2), episode=[0, 0], step=[0, 1], state=[0.5, 0], distractor=[0, 0]), "state of type float64"),
+        # A column that is not looked at would be a wrong number silently: without cells, views of one state are apart in the folds of the probes.
+        (lambda: measures.Table(np.eye(2), episode=[0, 0], step=[0, 1], state=[0, 0]), "state alone; right is state and distractor"),
+        (lambda: measures.Table(np.eye(2), episode=[0, 0], step=[0, 1], distractor=[0, 0]), "distractor alone; right is state and distractor"),
+        (lambda: measures.Table(np.zeros((rows, 2)), recording=recording, episode=np.zeros(rows, int)), "recording and episode; .* give one or the other"),
+        (lambda: measures.Table(np.zeros((rows, 2)), recording=recording, step=[0]), "recording and step; .* give one or the other"),
+        (lambda: measures.Table(np.zeros((rows, 2)), recording=recording, state=[0], distractor=[0]), "recording and state, distractor; .* give one or the other"),
+        (lambda: measures.Table(np.eye(2), episode=[0, 0], step=[0, 1], state=[-5, 0], distractor=[0, 0]), "state from -5 to 0; right is whole numbers from 0"),
+        (lambda: measures.Table(np.eye(2), episode=[0, 0], step=[0, 1], state=[0, 0], distractor=[0, 2**40]), r"distractor from 0 to [0-9]+; right is whole numbers from 0 to 2\*\*32 - 1"),
+        (lambda: measures.probes(table, [some]), "quantities of type list; right is a dictionary"),
+        (lambda: measures.probes(table, {1: some, "1": some}), "some have the same name"),
+        (lambda: measures.probes(table, {"a": some}, hold_out="state"), "hold_out of type str; right is a dictionary"),
+        (lambda: measures.probes(table, {"a": some}, hold_out=0), "hold_out of type int; right is a dictionary"),
+        (lambda: measures.probes(table, {"a": some}, hold_out={"a": 3}), "hold_out of a 3; right is a name"),
+        (lambda: measures.probes(table, {"a": some}, folds=1), "1 folds; right is at least 2"),
+        (lambda: measures.probes(table, {"a": some}, fit_on=table), r"fit_on that is no pair .*right is \(another Table"),
+        (lambda: measures.probes(table, {"a": some}, fit_on=(table.latents, {"a": some})), "fit_on that is no pair of a table and quantities"),
+        (lambda: measures.probes(table, {"a": some}, fit_on=(table, {"b": some})), r"fit_on with the quantities \['b'\]; right is those that are judged, \['a'\]"),
+        (lambda: measures.probes(table, {"a": some}, fit_on=(table, {"a": np.zeros(len(table), int)})), "a holds numbers, and classes in fit_on"),
+        (lambda: measures.neighbours(table, metric=3), "metric 3; right is a name"),
+        (lambda: measures.neighbours(table, exclude=None), "exclude None; right is a name"),
+        (lambda: measures.umap(table, metric=3), "metric 3; right is a name"),
+        (lambda: measures.retrieval(table, among=np.array(["same_step", "any_step"])), "choose one of: same_step, any_step"),
+        (lambda: measures.past_actions([[0.5], [np.nan]]), "nan in actions; right is finite numbers"),
+        (lambda: measures.symmetry(table, pairs, pairs, np.full((len(table), 1), np.inf)), "inf in pixels; right is finite numbers"),
+        (lambda: measures.symmetry(table, pairs * np.nan, pairs, np.zeros((len(table), 1))), "nan in joints; right is finite numbers"),
         (lambda: measures.grid_numbers(table, k=5), r"k 5; right is whole numbers"),
         (lambda: measures.retrieval(table, k=0.5), "k 0.5; right is a whole number"),
         (lambda: measures.umap(table, spread="wide"), "spread 'wide'; right is a number"),

@@ -139,6 +139,19 @@ def test_a_run_without_a_world_model_encodes_and_acts(system, transitions, recor
     assert (latents[1:] != latents[:-1]).any()
 
 
+def test_what_is_given_and_not_looked_at_is_refused(model, sample, tmp_path):
+    picture = np.zeros((1, 64, 64, 3), np.uint8)
+    with pytest.raises(vibes.Error, match="right is the episode alone, which has its own"):
+        model.encode(vibes.open(sample)[0], np.zeros((12, 1)))
+    with pytest.raises(vibes.Error, match=r"actions of shape \(4, 7\); right is \[0, 1\]"):
+        model.encode(picture, np.zeros((4, 7)))
+    np.testing.assert_array_equal(model.encode(picture, np.zeros((1, 1))), model.encode(picture))
+    spec = {"task": "mine", "action_low": [-1], "action_high": [1], "size": 64}
+    vibes.Writer(tmp_path / "empty", spec=spec, mcap=False).close()
+    with pytest.raises(vibes.Error, match="the recording has no finished episode; right is at least one: .*empty"):
+        model.encode_recording(vibes.open(tmp_path / "empty"))
+
+
 def test_errors_name_what_would_be_right(model, tmp_path):
     with pytest.raises(vibes.Error, match="vibes-train"):
         vibes.load(tmp_path)

@@ -111,6 +111,10 @@ def test_every_window_can_be_had_by_its_number(sample):
     seen = {(int(dataset[i]["episode"]), int(dataset[i]["step"])) for i in range(len(dataset))}
     assert len(seen) == len(dataset)
     assert dataset[0]["pixels"].shape[0] == 6 and dataset[-1]["reward"].shape == (6,)
+    np.testing.assert_array_equal(dataset[np.int64(2)]["action"], dataset[2]["action"])
+    for number in (1.7, 1.0, "1", None):
+        with pytest.raises(TypeError):
+            dataset[number]
     with pytest.raises(IndexError):
         dataset[len(dataset)]
     assert len(pickle.loads(pickle.dumps(dataset))) == len(dataset)

@@ -147,6 +147,15 @@ def test_the_acting_distractor_is_named_where_pictures_are_observed(tmp_path):
     assert acting(tmp_path / "grid") == [None], "nobody has said which one was looked at"
 
 
+def test_a_world_is_kept_by_the_writers_that_were_made_with_it(tmp_path):
+    """Another world's episodes would stand in a recording that names the options of its own."""
+    world, other = (vibes.World("cartpole-swingup", size=None, action_repeat=1000, seed=0, difficulty=difficulty) for difficulty in ("easy", "hard"))
+    with vibes.Writer(tmp_path / "mine", world, mcap=False) as writer:
+        with pytest.raises(vibes.Error, match=r"not made with this world; right is vibes.Writer\(path, world\): .*mine"):
+            other.keep(writer)
+        world.keep(writer)
+
+
 def test_a_fork_that_drops_a_writer_leaves_its_lock(tmp_path):
     held = [vibes.Writer(tmp_path / "mine", spec=spec(), mcap=False)]
     assert forked(lambda: (held.clear(), "dropped")[1]) == "dropped"
@@ -305,6 +314,9 @@ def test_wrong_episodes_are_refused_and_leave_nothing(tmp_path):
             ({"observation": np.zeros((5, 3))}, "observation"),
             ({"sound": np.zeros(5)}, "known are"),
             ({"reward": "abcde"}, r"reward of type <U5; right is numbers \[rows, …\]"),
+            ({"is_terminal": "no"}, "is_terminal of type <U2; right is True or False"),
+            ({"is_terminal": np.array([True, False])}, r"is_terminal array.*; right is True or False"),
+            ({"policy": None}, "policy None; right is a name"),
             ({"action": np.zeros((2, 5))}, r"right is \[rows, 2\]"),
             ({"pixels": np.zeros((6, 3, 8, 8), np.uint8)}, r"right is \[rows, 8, 8, 3\]"),
             ({"qpos": np.zeros((6, 2))}, "qpos, of which this recording's spec says nothing; name it there, or leave it out"),
@@ -313,9 +325,10 @@ def test_wrong_episodes_are_refused_and_leave_nothing(tmp_path):
         for change, words in wrong:
             with pytest.raises(vibes.Error, match=words):
                 writer.write(**good | change)
-        writer.write(**good)
+        writer.write(**good, discount=None, is_terminal=np.True_)
         with pytest.raises(vibes.Error, match="there already"):
             writer.write(**good, index=0)
+    assert vibes.open(tmp_path / "foreign")[0].discount.tolist() == [1, 1, 1, 1, 0], "None is a column that is left out"
     assert vibes.open(tmp_path / "foreign").indices == [0]
     with vibes.Writer(tmp_path / "blind", spec=spec(size=None)) as writer:
         with pytest.raises(vibes.Error, match="pixels, of which this recording's spec says nothing; name their size there, or leave them out"):
@@ -325,6 +338,7 @@ def test_wrong_episodes_are_refused_and_leave_nothing(tmp_path):
             vibes.Writer(tmp_path / "wrong", spec=spec(**wrong))
     kinds = [
         ({"control_timestep": "fast"}, "the spec's control_timestep 'fast'; right is a number"),
+        ({"control_timestep": True}, "the spec's control_timestep True; right is a number"),
         ({"size": (64, 64)}, r"the spec's size, one side of its square pictures, \(64, 64\); right is a whole number"),
         ({"qpos": 0.5}, "the spec's qpos 0.5; right is a whole number"),
         ({"action_repeat": "2"}, "the spec's action_repeat '2'; right is a whole number"),
@@ -335,6 +349,8 @@ def test_wrong_episodes_are_refused_and_leave_nothing(tmp_path):
     for wrong, words in kinds:
         with pytest.raises(vibes.Error, match=words):
             vibes.Writer(tmp_path / "wrong", spec=spec(**wrong))
+    with pytest.raises(vibes.Error, match="mcap of type <U2; right is True or False"):
+        vibes.Writer(tmp_path / "wrong", spec=spec(), mcap="no")
     with pytest.raises(vibes.Error, match="the spec 3; right is a dictionary"):
         vibes.Writer(tmp_path / "wrong", spec=3)
     with pytest.raises(vibes.Error, match="give one of the two"):

@@ -7,12 +7,15 @@ extension's own conversions would say only which of Rust's types they wanted.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from . import _vibes
+
+if TYPE_CHECKING:
+    from .recordings import Recording
 
 
 def checked_whole(number: Any, what: str) -> int:
@@ -38,13 +41,23 @@ def _between(number: Any, what: str, least: int, most: int, right: str) -> int:
 
 
 def checked_real(number: Any, what: str) -> float:
-    """A number, or what would be one. Text is none, even where Python could read it."""
+    """A number, or what would be one. Text is none, even where Python could read it, and neither are True and False."""
     try:
-        if not isinstance(number, (str, bytes)):
+        if not isinstance(number, (str, bytes, bool)):
             return float(number)
     except (TypeError, ValueError, OverflowError):
         pass
     raise _vibes.Error(f"{what} {number!r}; right is a number")
+
+
+def checked_flag(flag: Any, what: str) -> bool:
+    """True or False, also as 1 and 0 or as an array of one of them, or what would be right. To Python anything has a truth value: "no" would be True."""
+    if isinstance(flag, bool):
+        return flag
+    array = checked_array(what, flag, "True or False")
+    if array.ndim == 0 and array.dtype.kind in "biuf" and array in (0, 1):
+        return bool(array)
+    raise _vibes.Error(f"{what} {flag!r}; right is True or False")
 
 
 def checked_name(name: Any, what: str) -> str:
@@ -58,7 +71,7 @@ def checked_axes(distract: Any) -> list[str]:
     """The names of distractors, from one text with commas or from several."""
     names: list[Any]
     try:
-        names = distract.split(",") if isinstance(distract, str) else list(distract or ())
+        names = distract.split(",") if isinstance(distract, str) else list(() if distract is None else distract)
     except (TypeError, ValueError):
         names = [None]
     if not all(isinstance(name, str) for name in names):
@@ -100,6 +113,19 @@ def checked_shape(what: str, values: Any, shape: tuple[int, ...]) -> NDArray[np.
     if array.shape != shape:
         raise _vibes.Error(f"{what} of shape {list(array.shape)}; right is {list(shape)}")
     return array
+
+
+def checked_finite(what: str, values: NDArray[Any]) -> NDArray[Any]:
+    """Numbers that are all finite, or which of them is not."""
+    if not (finite := np.isfinite(values)).all():
+        raise _vibes.Error(f"{values[~finite][0]} in {what}; right is finite numbers")
+    return values
+
+
+def checked_episodes(recording: Recording) -> None:
+    """That a recording has episodes whose rows can be measured or encoded, or that it has none."""
+    if len(recording) == 0:
+        raise _vibes.Error(f"the recording has no finished episode; right is at least one: {recording.path}")
 
 
 def checked_choice(what: str, which: Any, environments: int) -> NDArray[np.bool_]:

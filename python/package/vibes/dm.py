@@ -20,7 +20,7 @@ class DmEnvironment(dm_env.Environment):
     """A task of the Distracting Control Suite; see :func:`vibes.make` for the arguments."""
 
     def __init__(self, task: str = "reacher-easy", *, observation: str = "pixels", **options: Any) -> None:
-        self.world = open_world(observation, None, {"task": task, **options})
+        self.world = open_world(task, observation, None, environments=1, **options)
         self._kind = observation
         self._draw = self.observes_pictures = observation != "state"
         """Whether observations have pictures."""

@@ -42,7 +42,7 @@ class Environment(gymnasium.Env[Any, Any]):
     def __init__(
         self, task: str = "reacher-easy", *, observation: str = "pixels", render_mode: str | None = None, **options: Any
     ) -> None:
-        self.world = open_world(observation, render_mode, {"task": task, **options})
+        self.world = open_world(task, observation, render_mode, environments=1, **options)
         self.render_mode = render_mode
         self.observation_space = observation_space(self.world, observation)
         self.action_space: spaces.Space[Any] = action_space(self.world)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _vibes
-from .checks import checked_array, checked_number, checked_real, checked_seed
+from .checks import checked_array, checked_episodes, checked_finite, checked_name, checked_number, checked_real, checked_seed
 
 if TYPE_CHECKING:
     from .recordings import Recording
@@ -33,10 +33,11 @@ class Table:
         latents: ``[rows, dims]``, float32; every value finite.
         recording: the recording whose rows these are, all episodes one after the other with all their T + 1 rows. Gives the keys and the cells.
         episode, step: ``[rows]`` each; instead of ``recording``.
-        state, distractor: ``[rows]`` each, the row's cell in the grid; left out, or -1 in rows that have none.
+        state, distractor: ``[rows]`` each, the row's cell in the grid; both left out, or -1 in rows that have none. Not with ``recording``.
 
     Raises:
-        vibes.Error: columns of other lengths, no rows, a value that is not finite, two rows of one episode and step.
+        vibes.Error: columns of other lengths, no rows, a value that is not finite, two rows of one episode and step, a state without a distractor, a
+            recording and keys beside it.
     """
 
     def __init__(
@@ -52,17 +53,14 @@ class Table:
         self.latents: NDArray[np.float32] = checked_array("latents", latents, "numbers [rows, dims]", np.float32)
         if self.latents.ndim != 2:
             raise _vibes.Error(f"latents of shape {self.latents.shape}; right is [rows, dims]")
-        keys: dict[str, Any]
         self._recording = recording
+        keys: dict[str, Any] = {"episode": episode, "step": step, "state": state, "distractor": distractor}
+        check_keys(recording, keys)
         if recording is not None:
             keys = row_keys(recording)
             if len(keys["step"]) != len(self.latents):
                 there = f"the recording has {len(keys['step'])} ({len(recording)} episodes, each with its T + 1 rows)"
                 raise _vibes.Error(f"latents of {len(self.latents)} rows; {there}: {recording.path}")
-        elif episode is not None and step is not None:
-            keys = {"episode": episode, "step": step, "state": state, "distractor": distractor}
-        else:
-            raise _vibes.Error("a table needs the key of every row; give recording, or episode and step")
         self.episode, self.step = counts("episode", keys["episode"]), counts("step", keys["step"])
         grid = None
         if keys["state"] is not None and keys["distractor"] is not None:
@@ -86,15 +84,27 @@ class Table:
         return state, distractor
 
 
+def check_keys(recording: Recording | None, keys: Mapping[str, Any]) -> None:
+    """That rows are told apart by a recording alone, or by columns of which none lacks the one that belongs to it."""
+    given = [name for name, column in keys.items() if column is not None]
+    if recording is not None and given:
+        raise _vibes.Error(f"recording and {', '.join(given)}; a recording says the keys of its rows itself, so give one or the other")
+    if recording is None and ("episode" not in given or "step" not in given):
+        raise _vibes.Error("a table needs the key of every row; give recording, or episode and step")
+    if len(cell := [name for name in given if name in ("state", "distractor")]) == 1:
+        raise _vibes.Error(f"{cell[0]} alone; right is state and distractor, the row's cell in a grid, or neither")
+
+
 def row_keys(recording: Recording) -> dict[str, Any]:
     """``episode``, ``step``, ``state`` and ``distractor`` of every row of a recording, episode after episode; the last two None without a grid."""
+    checked_episodes(recording)
     entries = recording.manifest["episodes"]
     rows = [entry["steps"] + 1 for entry in entries]
     cells = [entry["cell"] or {"state": -1, "distractor": -1} for entry in entries]
     has_grid = any(entry["cell"] for entry in entries)
     return {
         "episode": np.repeat([entry["index"] for entry in entries], rows),
-        "step": np.concatenate([np.arange(count) for count in rows]) if rows else np.zeros(0, int),
+        "step": np.concatenate([np.arange(count) for count in rows]),
         "state": np.repeat([cell["state"] for cell in cells], rows) if has_grid else None,
         "distractor": np.repeat([cell["distractor"] for cell in cells], rows) if has_grid else None,
     }
@@ -113,6 +123,8 @@ def cells(name: str, values: ArrayLike) -> NDArray[np.int64]:
     array = checked_array(name, values, "whole numbers [rows]")
     if array.ndim != 1 or array.dtype.kind not in "iu":
         raise _vibes.Error(f"{name} of type {array.dtype} and shape {array.shape}; right is [rows], whole numbers, -1 in rows of no cell")
+    if array.size and (int(array.min()) < -1 or int(array.max()) >= 2**32):
+        raise _vibes.Error(f"{name} from {array.min()} to {array.max()}; right is whole numbers from 0 to 2**32 - 1, -1 in rows of no cell")
     return array.astype(np.int64)
 
 
@@ -170,7 +182,7 @@ def retrieval(table: Table, *, among: str = "same_step", k: int = 1, tolerance: 
         ``retrieval_same_step@k`` or ``retrieval_any_step@k``, with the k that was asked for in the name, its interval and ``chance``; and ``queries``, how
         many rows were asked for.
     """
-    if among not in ("same_step", "any_step"):
+    if not isinstance(among, str) or among not in ("same_step", "any_step"):
         raise _vibes.Error(f"unknown candidates {among!r}, choose one of: same_step, any_step")
     words = (checked_number(k, "k"), checked_number(tolerance, "tolerance"), checked_number(queries, "queries"), checked_seed(seed))
     return table._native.retrieval(among == "same_step", *words)
@@ -195,7 +207,8 @@ def neighbours(
     asked = np.arange(len(table)) if queries is None else checked_array("queries", queries, "row numbers [queries]")
     if asked.ndim != 1 or asked.dtype.kind not in "iu":
         raise _vibes.Error(f"queries of type {asked.dtype} and shape {asked.shape}; right is [queries], row numbers")
-    rows, distances = table._native.neighbours(asked.astype(np.int64), checked_number(k, "k"), exclude, metric)
+    words = (checked_number(k, "k"), checked_name(exclude, "exclude"), checked_name(metric, "metric"))
+    rows, distances = table._native.neighbours(asked.astype(np.int64), *words)
     return {"rows": rows, "distances": distances}
 
 
@@ -216,9 +229,9 @@ def probes(
     Args:
         table: the latents.
         quantities: values ``[rows]`` by name. Floats are numbers, scored by R²; whole numbers and booleans are classes, scored by accuracy.
-        fit_on: another table and the same quantities of it, to fit probes of numbers on (the training recordings, say).
+        fit_on: another table and the same quantities of it, of the same kinds, to fit probes of numbers on (the training recordings, say).
         hold_out: of single quantities what is held out together: state (trajectories, unless given), episode or distractor.
-        folds: into which a table's own trajectories are cut.
+        folds: into which a table's own trajectories are cut, at least 2; fewer where there are fewer trajectories.
         k: neighbours of the kNN probe.
         seed: of what is drawn.
 
@@ -227,15 +240,48 @@ def probes(
         ``score`` and ``shuffled`` with intervals, ``chance``, ``groups``. What is shuffled goes from cell to cell where states are held out, as with
         ``vibes-analyze probe --target``, since a column may be the distractors'.
     """
-    hold_out = dict(hold_out or {})
-    if unknown := set(hold_out) - set(quantities):
-        raise _vibes.Error(f"hold_out names {sorted(map(str, unknown))}, which are no quantities")
-    read = {str(name): quantity(str(name), values, hold_out.get(name, "state")) for name, values in quantities.items()}
-    fitted = None
-    if fit_on is not None:
-        other, theirs = fit_on
-        fitted = (other._native, {str(name): quantity(str(name), values, hold_out.get(name, "state")) for name, values in theirs.items()}, other._views)
-    return table._native.probes(read, table._views, fitted, checked_number(folds, "folds"), checked_number(k, "k"), checked_seed(seed))
+    held = {} if hold_out is None else by_name("hold_out", hold_out)
+    read = quantities_of("quantities", quantities, held)
+    if unknown := set(held) - set(read):
+        raise _vibes.Error(f"hold_out names {sorted(unknown)}, which are no quantities")
+    if checked_number(folds, "folds") < 2:
+        raise _vibes.Error(f"{folds} folds; right is at least 2, since every trajectory is judged by a probe of the others")
+    fitted = None if fit_on is None else fitted_on(fit_on, read, held)
+    return table._native.probes(read, table._views, fitted, int(folds), checked_number(k, "k"), checked_seed(seed))
+
+
+Quantities = dict[str, tuple[NDArray[np.float64], bool, str]]
+"""By name what :func:`quantity` returns."""
+
+
+def quantities_of(what: str, given: Any, held: Mapping[str, Any]) -> Quantities:
+    """Quantities by name as the probes take them; ``held`` says what is held out together of single ones."""
+    return {name: quantity(name, values, checked_name(held.get(name, "state"), f"hold_out of {name}")) for name, values in by_name(what, given).items()}
+
+
+def fitted_on(fit_on: Any, read: Quantities, held: Mapping[str, Any]) -> tuple[_vibes.Table, Quantities, Any]:
+    """A table to fit on and its quantities, in the order of those that are judged."""
+    if not isinstance(fit_on, (tuple, list)) or len(fit_on) != 2 or not isinstance(fit_on[0], Table):
+        raise _vibes.Error("fit_on that is no pair of a table and quantities; right is (another Table, the same quantities of it)")
+    other, theirs = fit_on[0], quantities_of("the quantities of fit_on", fit_on[1], held)
+    if set(theirs) != set(read):
+        raise _vibes.Error(f"fit_on with the quantities {sorted(theirs)}; right is those that are judged, {sorted(read)}")
+    for name, (_, is_class, _) in read.items():
+        if theirs[name][1] != is_class:
+            here, there = ("classes", "numbers") if is_class else ("numbers", "classes")
+            right = "the same kind in both (floats are numbers, whole numbers and booleans classes)"
+            raise _vibes.Error(f"{name} holds {here}, and {there} in fit_on; right is {right}")
+    return other._native, {name: theirs[name] for name in read}, other._views
+
+
+def by_name(what: str, given: Any) -> dict[str, Any]:
+    """A dictionary whose names are text, or become text of which none is like another."""
+    if not isinstance(given, Mapping):
+        raise _vibes.Error(f"{what} of type {type(given).__name__}; right is a dictionary by the names of quantities")
+    named = {str(name): value for name, value in given.items()}
+    if len(named) != len(given):
+        raise _vibes.Error(f"{what} {list(given)}, of which some have the same name; right is a name of its own for each")
+    return named
 
 
 def quantity(name: str, values: ArrayLike, hold_out: str) -> tuple[NDArray[np.float64], bool, str]:
@@ -275,7 +321,7 @@ def umap(
     rounds = None if epochs is None else checked_number(epochs, "epochs")
     size = None if neighbours is None else checked_number(neighbours, "neighbours")
     scales = (checked_real(min_dist, "min_dist"), checked_real(spread, "spread"))
-    return table._native.umap(size, *scales, rounds, metric, checked_seed(seed))
+    return table._native.umap(size, *scales, rounds, checked_name(metric, "metric"), checked_seed(seed))
 
 
 def symmetry(
@@ -302,6 +348,8 @@ def symmetry(
     states = [np.atleast_2d(checked_array(name, array, "numbers [rows, 2]", np.float64)) for name, array in [("joints", joints), ("targets", targets)]]
     if any(array.ndim != 2 for array in states):
         raise _vibes.Error(f"joints of shape {list(states[0].shape)} and targets of shape {list(states[1].shape)}; right is [rows, 2] of both")
+    for name, array in [("joints", states[0]), ("targets", states[1]), ("pixels", pictures)]:
+        checked_finite(name, array)
     words = (checked_real(tolerance, "tolerance"), checked_number(pairs, "pairs"), checked_seed(seed))
     return table._native.symmetry(states[0], states[1], pictures, *words)
 
@@ -327,9 +375,10 @@ def past_actions(actions: ArrayLike) -> NDArray[np.float32]:
     array = checked_array("actions", actions, "numbers [T, action]", np.float32)
     if array.ndim != 2:
         raise _vibes.Error(f"actions of shape {array.shape}; right is [T, action]")
-    return _vibes.past_actions(array)
+    return _vibes.past_actions(checked_finite("actions", array))
 
 
 def past_actions_table(recording: Recording) -> Table:
     """The action-only control of every row of a recording."""
+    checked_episodes(recording)
     return Table(np.concatenate([past_actions(episode.action) for episode in recording]), recording=recording)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _vibes
-from .checks import checked_array, checked_seed
+from .checks import checked_array, checked_episodes, checked_flag, checked_seed
 from .recordings import Episode
 
 if TYPE_CHECKING:
@@ -74,9 +74,11 @@ class Model:
             ``[rows, latent]``.
 
         Raises:
-            vibes.Error: observations or actions of another kind or shape, or a number that is not finite.
+            vibes.Error: observations or actions of another kind or shape, actions beside an episode, or a number that is not finite.
         """
         if isinstance(observations, Episode):
+            if actions is not None:
+                raise _vibes.Error("an episode of a recording and actions; right is the episode alone, which has its own, or its rows and the actions")
             episode = observations
             seen: Any = episode.pixels if self.kind == "pixels" else episode.observation
             taken = episode.action
@@ -85,7 +87,8 @@ class Model:
             taken = checked_array("actions", [] if actions is None else actions, "numbers [rows - 1, action]", np.float32)
         width = len(self.config["action_min"])
         rows = len(seen) if seen.ndim else 0
-        if rows > 1 and (taken.ndim != 2 or len(taken) < rows - 1 or taken.shape[1] != width):
+        # Of a single row no action is needed, and one of another shape is a mistake all the same.
+        if (rows > 1 or (rows == 1 and taken.size)) and (taken.ndim != 2 or len(taken) < rows - 1 or taken.shape[1] != width):
             raise _vibes.Error(f"actions of shape {taken.shape}; right is [{rows - 1}, {width}]")
         before = np.zeros((rows, width), np.float32)
         if rows > 1:
@@ -97,6 +100,7 @@ class Model:
 
         Warns of a recording of another task than the model was trained on: where pictures and actions have the same sizes it can be encoded, too.
         """
+        checked_episodes(recording)
         if recording.task != self.task:
             told = f"a recording of {recording.task}, and a model that was trained on {self.task}; latents of another task say little: {recording.path}"
             warnings.warn(told, stacklevel=2)
@@ -122,7 +126,7 @@ class Model:
         """
         seen = self._seen("observation", observation)
         before = None if executed is None else np.ravel(checked_array("executed", executed, "numbers [action]", np.float32))
-        return self._native.act(seen[None], before, bool(sample))
+        return self._native.act(seen[None], before, checked_flag(sample, "sample"))
 
     def _seen(self, what: str, observations: ArrayLike) -> NDArray[Any]:
         # Pictures keep their type, because only bytes are pictures; vectors are taken in single precision.

@@ -6,6 +6,7 @@ are; and batches of windows ``[batch, time, …]``.
 
 from __future__ import annotations
 
+import operator
 import os
 from collections.abc import Iterator, Sequence
 from functools import cached_property
@@ -266,9 +267,10 @@ class WindowDataset:
         return self._native.count
 
     def __getitem__(self, number: int) -> Batch:
-        if not -len(self) <= number < len(self):
-            raise IndexError(f"no window {number}; there are {len(self)}")
-        rows = batch_first(self._native.numbered(int(number) % len(self)))
+        place = operator.index(number)
+        if not -len(self) <= place < len(self):
+            raise IndexError(f"no window {place}; there are {len(self)}")
+        rows = batch_first(self._native.numbered(place % len(self)))
         return {name: values[0] for name, values in rows.items()}
 
     def release(self) -> None:

@@ -34,8 +34,7 @@ class VectorEnvironment(VectorEnv[Any, Any, Any]):
         threads: int | None = None,
         **options: Any,
     ) -> None:
-        asked = {"task": task, "environments": num_envs, "threads": threads, **options}
-        self.world = open_world(observation, render_mode, asked)
+        self.world = open_world(task, observation, render_mode, environments=num_envs, threads=threads, **options)
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.single_observation_space = observation_space(self.world, observation)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _vibes
-from .checks import checked_axes, checked_choice, checked_name, checked_number, checked_seed, checked_shape, checked_whole
+from .checks import checked_axes, checked_choice, checked_flag, checked_name, checked_number, checked_seed, checked_shape, checked_whole
 
 if TYPE_CHECKING:
     from .writer import Writer
@@ -124,7 +124,7 @@ class World:
         options = {
             "task": checked_name(task, "task"),
             "difficulty": checked_name(difficulty, "difficulty"),
-            "dynamic": bool(dynamic),
+            "dynamic": checked_flag(dynamic, "dynamic"),
             "distract": checked_axes(distract),
             "videos": None if videos is None else os.fspath(videos),
             "video_set": checked_name(video_set, "video_set"),
@@ -132,7 +132,7 @@ class World:
             "size": None if size is None else checked_whole(size, "size"),
             "action_repeat": None if action_repeat is None else checked_whole(action_repeat, "action_repeat"),
             "render": checked_name(render, "render"),
-            "raw_torques": bool(raw_torques),
+            "raw_torques": checked_flag(raw_torques, "raw_torques"),
             "axis_seeds": {name: checked_seed(value, f"{name}_seed") for name, value in axes.items() if value is not None},
         }
         own_seed = checked_seed(seed)
@@ -216,7 +216,7 @@ class World:
             draw: whether pictures are drawn; without, the rows have no ``pixels``.
         """
         keys, course = self._course.ahead(checked_choice("which", which, self._environments))
-        rows = self._native.reset(keys, bool(draw))
+        rows = self._native.reset(keys, checked_flag(draw, "draw"))
         self._have_begun(keys, course)
         return rows
 
@@ -224,7 +224,8 @@ class World:
         """Begins given episodes, one of (seed, state trajectory, distractor trajectory) for every environment, or None for those that go on.
 
         Raises:
-            vibes.Error: keys that are no such numbers, or of more or fewer environments; an episode that the recording being written has already.
+            vibes.Error: keys that are no such numbers, or of more or fewer environments; an episode that the recording being written has already. All
+                environments stay where they are then.
         """
         try:
             asked = list(keys)
@@ -234,7 +235,7 @@ class World:
             right = f"one of (seed, state trajectory, distractor trajectory), or None, for each of the {self._environments} environments"
             raise _vibes.Error(f"keys {keys!r}; right is {right}")
         checked = [None if key is None else checked_key(key) for key in asked]
-        rows = self._native.reset(checked, bool(draw))
+        rows = self._native.reset(checked, checked_flag(draw, "draw"))
         self._have_begun(checked, self._course)
         return rows
 
@@ -247,14 +248,15 @@ class World:
             draw: whether pictures are drawn.
 
         Raises:
-            vibes.Error: an action that is not finite or of another shape, an episode that is over or has not begun, an unstable simulation.
+            vibes.Error: an action that is not finite or of another shape, an episode that is over or has not begun; all environments stay where they are
+                then. An unstable simulation; its environment has to be reset then, and the others have made their step.
         """
         numbers = checked_shape("actions", actions, (self._environments, self.action_size))
         chosen = None if reset is None else checked_choice("reset", reset, self._environments)
         if chosen is None or not chosen.any():
-            return self._native.step(numbers, None, bool(draw))
+            return self._native.step(numbers, None, checked_flag(draw, "draw"))
         keys, course = self._course.ahead(chosen)
-        rows = self._native.step(numbers, keys, bool(draw))
+        rows = self._native.step(numbers, keys, checked_flag(draw, "draw"))
         self._have_begun(keys, course)
         return rows
 
@@ -271,13 +273,18 @@ class World:
                 then names it as its acting distractor. Unless given it is so where the writer's environment observes pictures and its recording is no
                 grid: an episode then has one number for both.
         """
+        acts = None if acts_by_pictures is None else checked_flag(acts_by_pictures, "acts_by_pictures")
         if writer is None:
+            if acts is not None:
+                raise _vibes.Error("acts_by_pictures without a writer; right is with one, since its recording names what acted")
             self._native.stop_keeping()
             return
         native = getattr(writer, "_native", None)
         if not isinstance(native, _vibes.Writer):
             raise _vibes.Error(f"writer {writer!r}; right is a vibes.Writer, or None")
-        native.keep(self._native, writer._sees_pictures if acts_by_pictures is None else bool(acts_by_pictures))
+        if writer._world is not self:
+            raise _vibes.Error(f"a writer that was not made with this world; right is vibes.Writer(path, world): {writer.path}")
+        native.keep(self._native, writer._sees_pictures if acts is None else acts)
 
     def close(self) -> None:
         """Ends the threads and frees their memory; using the world afterwards raises."""
@@ -314,15 +321,18 @@ def load_triton_first() -> None:
 KINDS = ("pixels", "state", "both")
 
 
-def open_world(observation: str, render_mode: str | None, options: dict[str, Any]) -> World:
-    """A world that draws only where somebody looks."""
+def open_world(task: str, observation: str, render_mode: str | None, *, environments: int, **options: Any) -> World:
+    """A world that draws only where somebody looks.
+
+    How many environments it has whoever dresses it says, and no caller among the options: Python refuses it there.
+    """
     if checked_name(observation, "observation") not in KINDS:
         raise _vibes.Error(f"unknown observation {observation!r}; known are {', '.join(KINDS)}")
-    if render_mode not in (None, "rgb_array"):
+    if render_mode is not None and not (isinstance(render_mode, str) and render_mode == "rgb_array"):
         raise _vibes.Error(f"unknown render_mode {render_mode!r}; known are None, rgb_array")
     if observation == "state" and render_mode is None:
         options = options | {"size": None}
-    world = World(**options)
+    world = World(task, environments=environments, **options)
     if observation != "state" and world.spec["pixels"] is None:
         raise _vibes.Error(f"size None with observation {observation!r}; pictures have a size, or choose observation='state'")
     return world

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _vibes
-from .checks import checked_array, checked_name, checked_number, checked_real, checked_seed
+from .checks import checked_array, checked_flag, checked_name, checked_number, checked_real, checked_seed
 from .recordings import Recording
 from .world import World
 
@@ -71,16 +71,17 @@ class Writer:
     ) -> None:
         if (env is None) == (spec is None):
             raise _vibes.Error("a Writer takes an environment of this package, or the spec of another; give one of the two")
+        mcap = checked_flag(mcap, "mcap")
         self._env = env
         self._grid = None if grid is None else checked_grid(grid)
         self._world = None if env is None else world_of(env)
         self._sees_pictures = self._world is not None and self._grid is None and observes_pictures(env)
         """Whether actions are chosen by pictures, unless somebody says otherwise. In a grid only ``record`` knows under which distractor they are."""
         if self._world is not None:
-            self._native = _vibes.Writer.of_world(path, self._world._native, self._world.seed, bool(mcap), self._grid)
+            self._native = _vibes.Writer.of_world(path, self._world._native, self._world.seed, mcap, self._grid)
             self._world.keep(self)
         else:
-            self._native = _vibes.Writer.of_spec(path, row_spec({} if spec is None else spec), 0, bool(mcap), self._grid)
+            self._native = _vibes.Writer.of_spec(path, row_spec({} if spec is None else spec), 0, mcap, self._grid)
 
     @property
     def path(self) -> Path:
@@ -160,8 +161,9 @@ class Writer:
         known = ("action", "reward", "discount", "observation", "pixels", "qpos", "qvel", "colors")
         if unknown := set(columns) - set(known):
             raise _vibes.Error(f"unknown columns {sorted(unknown)}; known are {', '.join(known)}")
-        arrays = {name: as_type(name, values) for name, values in columns.items()}
-        self._native.write(place, arrays, is_terminal=bool(is_terminal), policy=str(policy), seed=checked_seed(seed))
+        arrays = {name: as_type(name, values) for name, values in columns.items() if values is not None}
+        is_terminal, policy = checked_flag(is_terminal, "is_terminal"), checked_name(policy, "policy")
+        self._native.write(place, arrays, is_terminal=is_terminal, policy=policy, seed=checked_seed(seed))
         return number if self._grid is None else place[0] * self._grid[1] + place[1]
 
     def _place(self, number: int) -> tuple[int, int]:

@@ -12,6 +12,9 @@ use super::options::WorldOptions;
 use super::rows::Place;
 use crate::keeper::Keeper;
 
+/// What is wrong with a step before the first reset, or after an error.
+const NOT_BEGUN: &str = "no episode is being played; call reset first";
+
 /// Which episode of which recording: that of state trajectory `state` under distractor trajectory `distractor` in a recording of this seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct EpisodeKey {
@@ -48,15 +51,25 @@ impl Slot {
         Ok(Self { eyes, options: options.clone(), playing: None, steps, keeper: None })
     }
 
+    /// Whether this episode may begin; nothing has changed where it may not.
+    pub(super) fn can_begin(&self, key: EpisodeKey) -> Result<(), String> {
+        self.place(key).map(drop)
+    }
+
+    /// The number and cell of this episode in the recording that keeps it; none where none does.
+    fn place(&self, key: EpisodeKey) -> Result<Option<(u32, Option<Cell>)>, String> {
+        self.keeper.as_ref().map(|keeper| may_keep(keeper, key)).transpose()
+    }
+
     /// Begins an episode; one that is not over is dropped.
     pub(super) fn begin(&mut self, key: EpisodeKey) -> Result<(), String> {
+        let place = self.place(key)?;
         self.playing = None;
         let seeds: EpisodeSeeds = self.options.seeds(key.seed, key.state, key.distractor);
         let [mut rng, _] = seeds.generators();
         let start = self.eyes.reset(&mut rng, seeds.distractors).map_err(|error| error.to_string())?;
         let mut playing = Playing { key, step: 0, start, kept: None };
-        if let Some(keeper) = &self.keeper {
-            let (index, cell) = may_keep(keeper, key)?;
+        if let (Some(keeper), Some((index, cell))) = (&self.keeper, place) {
             let first = self.eyes.frame().map_err(|error| error.to_string())?;
             let acting = keeper.acts_by_pictures.then_some(key.state);
             playing.kept = Some(EpisodeBuilder::first(index, cell, first).acting_under(acting));
@@ -65,17 +78,22 @@ impl Slot {
         Ok(())
     }
 
-    /// One agent step; returns its reward. After an error a new episode has to begin.
-    pub(super) fn step(&mut self, action: &[f32]) -> Result<f64, String> {
-        let mut playing = self.playing.take().ok_or("no episode is being played; call reset first")?;
+    /// Whether this action may be taken now; nothing has changed where it may not.
+    pub(super) fn can_step(&self, action: &[f32]) -> Result<(), String> {
+        let playing = self.playing.as_ref().ok_or(NOT_BEGUN)?;
         if playing.step >= self.steps {
-            self.playing = Some(playing);
             return Err("the episode is over; call reset".to_owned());
         }
-        if let Some(at) = action.iter().position(|number| !number.is_finite()) {
-            self.playing = Some(playing);
-            return Err(format!("action[{at}] is {}; actions are finite numbers", action[at]));
+        match action.iter().position(|number| !number.is_finite()) {
+            None => Ok(()),
+            Some(at) => Err(format!("action[{at}] is {}; actions are finite numbers", action[at])),
         }
+    }
+
+    /// One agent step; returns its reward. After an error a new episode has to begin, unless the action may not be taken.
+    pub(super) fn step(&mut self, action: &[f32]) -> Result<f64, String> {
+        self.can_step(action)?;
+        let mut playing = self.playing.take().ok_or(NOT_BEGUN)?;
         let asked: Vec<f64> = action.iter().map(|&number| f64::from(number)).collect();
         let executed = self.eyes.environment().executable(&asked);
         let reward = self.eyes.step(&executed).map_err(|error| error.to_string())?;
