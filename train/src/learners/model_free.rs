@@ -55,6 +55,15 @@ impl AgentOptions {
         }
     }
 
+    /// These for a run that was begun with `found`, whose numbers that no option says stay.
+    #[must_use]
+    pub fn going_on(self, found: &Self) -> Self {
+        match (self, found) {
+            (Self::Stacks(asked), Self::Stacks(found)) => Self::Stacks(asked.going_on(found)),
+            (asked, _) => asked,
+        }
+    }
+
     /// Whether there is an actor; without one the best action is searched for.
     pub fn has_actor(&self) -> bool {
         match self {

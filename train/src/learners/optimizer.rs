@@ -16,7 +16,8 @@ use crate::error::{Result, malformed};
 pub struct Optimizer {
     adam: Adam,
     moments: BTreeMap<String, Moments<1>>,
-    /// Steps made before a parameter's first one, where there were any: of a head that is added to a model in training. Its moments begin at zero then, whatever the others have seen.
+    /// Steps of the module that were none of a parameter's own, where there were any: those before its first one, of a head that is added to a model in training (its moments begin at
+    /// zero then, whatever the others have seen), and those that brought it no gradient. Its moments are corrected for its own steps alone.
     begun: BTreeMap<String, u64>,
     steps: u64,
 }
@@ -68,6 +69,13 @@ impl Optimizer {
             learning_rate,
             scale,
         })
+    }
+
+    /// Notes a step that brings a parameter no gradient, once its own have begun.
+    fn pass_over(&mut self, name: String) {
+        if self.moments.contains_key(&name) {
+            *self.begun.entry(name).or_default() += 1;
+        }
     }
 
     /// The moments as tensors to save, names beginning with `prefix`.
@@ -161,7 +169,10 @@ impl ModuleMapper for Stepper<'_> {
     }
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
         let name = self.path.join(".");
-        let Some(gradient) = self.gradients.remove(&name) else { return param };
+        let Some(gradient) = self.gradients.remove(&name) else {
+            self.optimizer.pass_over(name);
+            return param;
+        };
         let moments = self.optimizer.moments.remove(&name);
         let (id, tensor, mapper) = param.consume();
         let shape = tensor.dims();
@@ -176,5 +187,74 @@ impl ModuleMapper for Stepper<'_> {
         self.optimizer.moments.insert(name, moments);
         let tensor = Tensor::from_inner(flat.reshape(shape)).require_grad();
         Param::from_mapped_value(id, tensor, mapper)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+    use vibes_model::init::constant;
+    use vibes_model::linear::Linear;
+
+    use super::*;
+
+    type Loss = fn(&Linear) -> Tensor<1>;
+
+    /// Gradients for the weight alone, for the bias alone, for both.
+    const WEIGHT: Loss = |module| module.weight.val().square().sum();
+    const BIAS: Loss = |module| module.bias.val().square().sum();
+    const BOTH: Loss = |module| WEIGHT(module) + BIAS(module);
+
+    fn module() -> Linear {
+        let device = Device::flex();
+        Linear { weight: constant([2, 1], 2.0, &device), bias: constant([1], -3.0, &device) }.train()
+    }
+
+    /// One step for every loss, on from what is there.
+    fn after(mut optimizer: Optimizer, mut module: Linear, losses: &[Loss]) -> (Optimizer, Linear) {
+        for loss in losses {
+            let gradients = NamedGradients::take(&module, &mut loss(&module).backward());
+            module = optimizer.step(module, gradients, 0.1, f32::INFINITY);
+        }
+        (optimizer, module)
+    }
+
+    fn values(module: &Linear) -> [Vec<f32>; 2] {
+        [to_values(module.weight.val().inner()), to_values(module.bias.val().inner())]
+    }
+
+    #[test]
+    fn a_step_without_a_gradient_is_none_of_a_parameters_own() {
+        let turns = [WEIGHT, WEIGHT, BOTH, WEIGHT, WEIGHT, BOTH];
+        for made in [3, 6] {
+            let (optimizer, shared) = after(Optimizer::new(1e-8), module(), &turns[..made]);
+            let own = |loss: Loss, steps: usize| values(&after(Optimizer::new(1e-8), module(), &vec![loss; steps]).1);
+            let [weight, bias] = values(&shared);
+            assert_eq!(weight, own(WEIGHT, made)[0], "after {made}");
+            assert_eq!(bias, own(BIAS, made / 3)[1], "after {made}");
+            assert_eq!(optimizer.begun, BTreeMap::from([("bias".to_owned(), made as u64 / 3 * 2)]));
+        }
+    }
+
+    #[test]
+    fn steps_of_its_own_are_counted_on_from_disk() {
+        let (optimizer, shared) = after(Optimizer::new(1e-8), module(), &[BOTH, WEIGHT]);
+        let mut restored = Optimizer::new(1e-8);
+        let saved = optimizer.to_tensors("saved");
+        restored.restore("saved", (&saved, Path::new("moments")), optimizer.steps(), &Device::flex()).unwrap();
+        let go_on = |optimizer: Optimizer| values(&after(optimizer, shared.clone(), &[BOTH]).1);
+        let gone_on = go_on(restored);
+        assert_eq!(gone_on, go_on(optimizer));
+        let own = after(Optimizer::new(1e-8), module(), &[BIAS, BIAS]).1;
+        assert_eq!(gone_on[1], values(&own)[1]);
+    }
+
+    /// So that files of optimisers whose parameters all learn in every step are what they were.
+    #[test]
+    fn where_every_step_has_all_gradients_nothing_is_noted() {
+        let optimizer = after(Optimizer::new(1e-8), module(), &[BOTH, BOTH, BOTH]).0;
+        let names: Vec<String> = optimizer.to_tensors("saved").into_keys().collect();
+        assert_eq!(names, ["saved.first.bias", "saved.first.weight", "saved.second.bias", "saved.second.weight"]);
     }
 }

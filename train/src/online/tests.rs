@@ -99,6 +99,26 @@ fn model_free_options(steps: u32) -> ModelFreeOptions {
     }
 }
 
+/// A system may have another number since; what can be asked for may not differ.
+#[test]
+fn a_run_goes_on_with_its_own_rates() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let with = |change: fn(SacOptions) -> SacOptions| {
+        let options = model_free_options(20);
+        let AgentOptions::Stacks(agent) = options.agent else { panic!("sac-drq looks at stacks") };
+        ModelFreeOptions { agent: AgentOptions::Stacks(change(agent)), ..options }
+    };
+    let older = with(|agent| SacOptions { encoder_rate: 0.05, ..agent });
+    drop(Folder::create_or_open(&path, older.clone()).unwrap());
+    let gone_on = Folder::create_or_open(&path, with(|agent| agent)).unwrap();
+    assert_eq!(gone_on.options().agent, older.agent);
+    drop(gone_on);
+    assert_eq!(Folder::open(&path).unwrap().unwrap().options().agent, older.agent);
+    let error = Folder::create_or_open(&path, with(|agent| SacOptions { views: 2, ..agent })).unwrap_err();
+    assert!(error.to_string().contains("views"), "{error}");
+}
+
 /// Such a run at `path` as far as it gets.
 fn without(path: &Path, live: Living) -> Result<End> {
     let folder = Folder::create_or_open(path, model_free_options(options().world.steps)).unwrap();

@@ -222,6 +222,13 @@ impl SacOptions {
         Self { auxiliary, auxiliary_weight, frequencies, ..self }
     }
 
+    /// These for a run that was begun with `found`: what no option of the command line says is as it was then, also where the system has another number since.
+    #[must_use]
+    pub fn going_on(self, found: &Self) -> Self {
+        let Self { augment, next_views, views, auxiliary, auxiliary_weight, batch, frequencies, .. } = self;
+        Self { augment, next_views, views, auxiliary, auxiliary_weight, batch, frequencies, ..found.clone() }
+    }
+
     /// The networks these options ask for, for pictures and actions of a task.
     pub fn networks(&self, task: &str, picture: [usize; 2], (min, max): (Vec<f32>, Vec<f32>)) -> SacConfig {
         let search = CrossEntropy { samples: self.samples, elites: self.elites, iterations: self.iterations };
@@ -273,8 +280,16 @@ fn sac_rad() -> SacOptions {
     }
 }
 
+/// One rate moves all of the slow critics, their encoder too (denisyarats/drq: `critic_tau` in config.yaml).
 fn sac_drq() -> SacOptions {
-    SacOptions { augment: Augment::Shift, next_views: 2, views: 2, temperature_lr: 1e-3, ..sac_rad() }
+    SacOptions {
+        augment: Augment::Shift,
+        next_views: 2,
+        views: 2,
+        temperature_lr: 1e-3,
+        encoder_rate: 0.01,
+        ..sac_rad()
+    }
 }
 
 fn qt_opt_rad() -> SacOptions {
@@ -301,24 +316,29 @@ fn simsr() -> SacOptions {
     SacOptions { auxiliary: Auxiliary::SimSr, ..deepmdp() }
 }
 
+/// DrQ's views, but the slow encoder has a rate of its own again (DMU-XMU/SAR: `extr_tau` in config/common.yaml).
 fn sar() -> SacOptions {
     SacOptions {
         auxiliary: Auxiliary::Sar,
         batch: 256,
         lr: 5e-4,
         temperature_lr: 5e-4,
+        encoder_rate: 0.05,
         frequencies: Some(FREQUENCIES),
         ..sac_drq()
     }
 }
 
+/// Everything makes a step in every update, at one step size (google-research's `mico/dm_control`, on dopamine's `sac_agent.py`).
 fn mico() -> SacOptions {
     SacOptions {
         auxiliary: Auxiliary::Mico,
         auxiliary_weight: Auxiliary::Mico.weight(),
         batch: 256,
+        temperature_lr: 1e-3,
         critic_rate: 0.005,
         encoder_rate: 0.005,
+        actor_every: 1,
         ..deepmdp()
     }
 }

@@ -58,6 +58,14 @@ impl ModelFreeOptions {
         self.agent.learner(&self.online.world.spec()?, &mut rng, device)
     }
 
+    /// These for a run that was begun as the same system: a system's own numbers stay what they were then.
+    fn going_on(self, found: &Self) -> Self {
+        if (&self.system, self.size) != (&found.system, found.size) {
+            return self;
+        }
+        Self { agent: self.agent.going_on(&found.agent), ..self }
+    }
+
     /// The first option that these may not differ in from those of the run that is there; how long to go on may change from one call to the next.
     fn first_difference(&self, found: &Self) -> Option<(String, String, String)> {
         let is_published = found.online.protocol.is_some();
@@ -111,10 +119,14 @@ impl Folder {
             return Err(other(path, "agent", "dreamer", &options.system));
         }
         checkpoints::recover(&folder)?;
-        match Self::open(path)? {
+        let found = Self::open(path)?.map(|found| found.options);
+        let options = match &found {
+            Some(found) => options.going_on(found),
+            None => options,
+        };
+        match &found {
             None => options.online.check_new(false)?,
             Some(found) => {
-                let found = &found.options;
                 if let Some((key, found, asked)) = options.stored(path).first_difference(&found.stored(path)) {
                     return Err(other(path, &flag(&key), &found, &asked));
                 }
