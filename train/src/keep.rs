@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use serde_json::Value as Json;
-use vibes_data::{RunFolder, write_atomically};
+use vibes_data::{FolderLock, RunFolder, followed, write_atomically};
 use vibes_model::Model;
 use vibes_model::checkpoint::copy_in_half;
 
@@ -47,21 +47,43 @@ pub struct Kept {
     pub bytes: u64,
 }
 
-/// Writes the copy into the folder `to`, which must not exist yet.
+/// Writes the copy into the folder `to`, which must not exist yet and appears whole or not at all.
 ///
 /// # Errors
-/// There is something at `to`, the run has no checkpoint yet, or a file cannot be read or written.
+/// There is something at `to`, another process is making it, the run has no checkpoint yet, or a file cannot be read or written.
 pub fn keep(run: &Run, to: &Path, extent: Extent) -> Result<Kept> {
+    let (hidden, making) = places(run, to)?;
+    let _lock = FolderLock::acquire_beside(to)?;
     if to.exists() {
-        let text = format!("there is something at {}; name a folder that is not there yet", to.display());
-        return Err(TrainError::Options(text));
+        return Err(wrong(format!("there is something at {}; name a folder that is not there yet", to.display())));
     }
-    let kept = copy(run, to, extent);
-    if kept.is_err() {
-        // Half a copy would be in the way of the next.
-        fs::remove_dir_all(to).ok();
+    if hidden.is_dir() {
+        fs::remove_dir_all(&hidden).map_err(io("remove", &hidden))?;
     }
+    let kept = copy(run, &making, extent).and_then(|kept| {
+        fs::rename(&making, to).map_err(io("write", to))?;
+        Ok(kept)
+    });
+    // Half a copy is of no use to anybody; what cannot be removed now, the next copy removes.
+    fs::remove_dir_all(&hidden).ok();
     kept
+}
+
+/// A hidden folder beside the copy's place, and in it, by the copy's own name, which its page says, where the copy is made.
+fn places(run: &Run, to: &Path) -> Result<(PathBuf, PathBuf)> {
+    let name = to.file_name().ok_or_else(|| {
+        wrong(format!("a copy has a name of its own; name a folder that is not there yet: {}", to.display()))
+    })?;
+    let hidden = to.with_file_name(format!(".{}.making", name.to_string_lossy()));
+    if followed(run.path()).starts_with(followed(&hidden)) {
+        return Err(wrong(format!("the copy would be made where the run lies; name another folder: {}", to.display())));
+    }
+    let making = hidden.join(name);
+    Ok((hidden, making))
+}
+
+fn wrong(text: String) -> TrainError {
+    TrainError::Options(text)
 }
 
 fn copy(run: &Run, to: &Path, extent: Extent) -> Result<Kept> {
@@ -93,12 +115,12 @@ fn copy(run: &Run, to: &Path, extent: Extent) -> Result<Kept> {
     Ok(Kept { update, bytes: size(to)? })
 }
 
-/// One file of a checkpoint: weights in half precision, moments not at all, the rest as it is.
+/// One file of a checkpoint: weights in half precision, moments and tables of latents that were written beside them not at all, the rest as it is.
 fn copy_part(file: &Path, place: &Path) -> Result<()> {
     let name = file.file_name().unwrap_or_default();
     let target = place.join(name);
     let name = name.to_string_lossy();
-    if name.ends_with("optimizer.safetensors") {
+    if name.ends_with("optimizer.safetensors") || name.ends_with(".arrow") {
         return Ok(());
     }
     if name.ends_with(".safetensors") {

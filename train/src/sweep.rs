@@ -13,9 +13,11 @@
 //!
 //! with `stages`, the command lines in their order, in which `{key}` stands for a setting and `{run}` for the run's folder.
 //!
-//! No scheduler, no database: the state of a sweep is what lies in its folders. The same command goes on.
+//! No scheduler, no database: the state of a sweep is what lies in its folders. The same command goes on. Whoever does a run by its number says which run that
+//! was when it was counted ([`Element::digest`], [`names_digest`]), so that a plan which has changed since is refused.
 
 mod mark;
+mod outputs;
 mod plan;
 mod script;
 mod status;
@@ -41,6 +43,24 @@ pub struct Element {
     pub settings: BTreeMap<String, String>,
     /// The words of every command line, the program's name first.
     pub stages: Vec<Vec<String>>,
+}
+
+impl Element {
+    /// What tells it from every other run, also from what a changed plan has in its place.
+    pub fn digest(&self) -> String {
+        let folder = self.folder.to_string_lossy();
+        digest(&serde_json::json!([self.name, folder, self.settings, self.stages]).to_string())
+    }
+}
+
+/// What tells a plan from one whose numbers mean other runs: of all names, in their order.
+pub fn names_digest(elements: &[Element]) -> String {
+    digest(&elements.iter().map(|element| element.name.as_str()).collect::<Vec<_>>().join("\n"))
+}
+
+/// Enough of a checksum to tell texts apart that nobody has made alike on purpose.
+fn digest(text: &str) -> String {
+    vibes_data::sha256_hex(text.as_bytes())[..12].to_owned()
 }
 
 /// A command line as it can be typed.

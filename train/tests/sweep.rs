@@ -2,60 +2,14 @@
 
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
+mod sweep_plan;
 mod synthetic;
 
-use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_vibes-train");
-
-const PLAN: &str = r#"
-output = "runs/sweep"
-seeds = 2
-stages = [
-    "vibes-train offline coins --preset tiny --batch 2 --length 6 --depth 4 --hidden 16 --head 16 --latent {latent} --updates UPDATES --checkpoint-every 2 --log-every 1 --seed {seed} -o {run}",
-    "vibes-train encode {run} coins",
-]
-[grid]
-latent = [4, 6]
-"#;
-
-fn folder(updates: u32) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 3, 20, false);
-    write_plan(folder.path(), updates);
-    folder
-}
-
-fn write_plan(folder: &Path, updates: u32) {
-    std::fs::write(folder.join("plan.toml"), PLAN.replace("UPDATES", &updates.to_string())).unwrap();
-}
-
-fn command(folder: &Path, arguments: &str) -> Command {
-    let mut command = Command::new(PROGRAM);
-    command.args(arguments.split_whitespace()).current_dir(folder).env("RAYON_NUM_THREADS", "1");
-    command
-}
-
-fn run(folder: &Path, arguments: &str) -> Output {
-    command(folder, arguments).output().unwrap()
-}
-
-/// What a command that ends with this code says on both streams.
-fn said(folder: &Path, arguments: &str, code: i32) -> String {
-    let output = run(folder, arguments);
-    let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
-    assert_eq!(output.status.code(), Some(code), "{arguments}\n{said}");
-    said
-}
-
-fn states(folder: &Path) -> Vec<String> {
-    let output = run(folder, "sweep plan.toml --status --json");
-    let all: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    all.as_array().unwrap().iter().map(|status| status["state"].as_str().unwrap().to_owned()).collect()
-}
+use sweep_plan::{PLAN, PROGRAM, command, folder, run, said, script, signal, states, wait_for, write_plan};
 
 /// Bytes of everything that a run holds and that may not depend on how it was run.
 fn results(run: &Path) -> Vec<Vec<u8>> {
@@ -64,21 +18,6 @@ fn results(run: &Path) -> Vec<Vec<u8>> {
     [newest.join("model.safetensors"), newest.join("optimizer.safetensors"), run.join("latents.arrow")]
         .map(|path| std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display())))
         .to_vec()
-}
-
-fn wait_for(child: &mut Child, moment: impl Fn() -> bool) {
-    let begun = Instant::now();
-    while !moment() {
-        assert!(child.try_wait().unwrap().is_none(), "it ended before the moment came");
-        assert!(begun.elapsed() < Duration::from_secs(120), "the moment never comes");
-        std::thread::sleep(Duration::from_millis(2));
-    }
-}
-
-fn signal(child: &Child, name: &str) {
-    let signal = format!("SIG{name}").parse().unwrap();
-    nix::sys::signal::kill(nix::unistd::Pid::from_raw(child.id() as i32), Some::<nix::sys::signal::Signal>(signal))
-        .unwrap();
 }
 
 #[test]
@@ -311,12 +250,6 @@ fn a_stage_whose_folder_is_busy_says_once_what_it_waits_for() {
     assert!(states(folder)[0] == "done" && !table().contains("waiting: "), "{}", table());
 }
 
-/// Writes an executable script.
-fn script(path: &Path, text: &str) {
-    std::fs::write(path, text).unwrap();
-    std::fs::set_permissions(path, PermissionsExt::from_mode(0o755)).unwrap();
-}
-
 #[test]
 fn slurms_script_saves_on_the_signal_queues_itself_again_and_finishes() {
     let folder = folder(60);
@@ -377,6 +310,14 @@ fn the_script_for_xargs_does_every_run() {
     let status = Command::new("bash").args(["-c", &text]).current_dir("/").env("PATH", path).output().unwrap();
     assert!(status.status.success(), "{}", String::from_utf8_lossy(&status.stderr));
     assert_eq!(states(folder), ["done"; 4]);
+    // Its numbers mean the runs of the plan that it was made from, and no others.
+    let other = PLAN.replace("UPDATES", "2").replace("[4, 6]", "[4, 8]");
+    std::fs::write(folder.join("plan.toml"), other).unwrap();
+    let path = format!("{}:{}", tools.display(), std::env::var("PATH").unwrap());
+    let refused = Command::new("bash").args(["-c", &text]).current_dir("/").env("PATH", path).output().unwrap();
+    let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && told.contains("print it again with --script"), "{told}");
+    assert_eq!(states(folder), ["done", "done", "waiting", "waiting"]);
     let parallel = String::from_utf8(run(folder, "sweep plan.toml --script parallel").stdout).unwrap();
     assert!(parallel.contains("parallel -q --jobs") && parallel.contains("--index {}"), "{parallel}");
 }

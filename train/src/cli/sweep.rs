@@ -2,23 +2,27 @@
 
 mod children;
 mod here;
+mod same;
+mod shown;
 mod status;
+mod tally;
 mod typed;
 
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Result, bail};
 use clap::error::ErrorKind;
 use clap::{Args, ValueEnum};
-use serde_json::json;
 use vibes_command::{Ending, error_text, parse, parse_typed, stop_on_signals};
 use vibes_train::TrainError;
-use vibes_train::sweep::{self, Element, Engine, Plan, line};
+use vibes_train::sweep::{Element, Plan, line};
 
 use self::children::children;
 use self::here::here;
+use self::same::{check_names, check_runs};
+use self::shown::{list, script};
 use self::status::status;
 use self::typed::{indices, parse_time};
 use super::{Cli, Command, Context};
@@ -50,7 +54,7 @@ pub(crate) struct SweepArgs {
     plan: PathBuf,
     #[command(flatten)]
     what: What,
-    /// Do all runs here, so many at once, the cores divided among them. With --script: at most so many at once.
+    /// Do all runs here, so many at once, the cores divided among them unless `RAYON_NUM_THREADS` says how many each has. With --script: at most so many at once.
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u16).range(1..), conflicts_with_all = ["list", "status", "index"])]
     jobs: Option<u16>,
     /// Save and end after this time, as in 3h50m or 90s, as if a signal had come.
@@ -59,6 +63,12 @@ pub(crate) struct SweepArgs {
     /// Save and end when standard input is closed: how --jobs stops its children.
     #[arg(long, hide = true, requires = "index")]
     until_closed: bool,
+    /// Refuse a run of --index whose digest, as in --list --json, is another: how --jobs says which run it means.
+    #[arg(long, hide = true, requires = "index", value_name = "DIGEST")]
+    run_is: Option<String>,
+    /// Refuse a plan whose runs' names have another digest: how a script says which runs its numbers mean.
+    #[arg(long, hide = true, value_name = "DIGEST")]
+    names_are: Option<String>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -78,8 +88,9 @@ pub(crate) fn run(context: &Context, args: &SweepArgs, verb: Verb) -> Result<End
         return status(context, &elements);
     }
     check(&elements)?;
+    check_names(args, &elements)?;
     if let Some(engine) = args.what.script {
-        print!("{}", script(args, engine, elements.len())?);
+        print!("{}", script(args, engine, &elements)?);
         return Ok(Ending::Done);
     }
     let stop = stop_on_signals()?;
@@ -91,13 +102,15 @@ pub(crate) fn run(context: &Context, args: &SweepArgs, verb: Verb) -> Result<End
     }
     match (&args.what.index, args.jobs) {
         (Some(text), _) => {
+            let chosen = indices(text, elements.len())?;
+            check_runs(args, &elements, &chosen)?;
             if args.until_closed {
                 std::thread::spawn(move || {
                     let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
                     stop.store(true, Ordering::Relaxed);
                 });
             }
-            here(context, &elements, &indices(text, elements.len())?, (verb, stop))
+            here(context, &elements, &chosen, (verb, stop))
         }
         (None, Some(jobs)) => children(context, &args.plan, &elements, usize::from(jobs), stop),
         (None, None) if args.stop_after.is_some() => {
@@ -149,35 +162,6 @@ fn fault(error: &anyhow::Error, words: &[String]) -> TrainError {
     let text = error_text(error);
     let first = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
     TrainError::Options(format!("{first}; in the stage: {}", line(words)))
-}
-
-fn list(context: &Context, elements: &[Element]) -> Ending {
-    if context.json {
-        let all = elements.iter().map(|element| {
-            json!({ "index": element.index, "name": element.name, "folder": element.folder, "settings": element.settings,
-                "stages": element.stages.iter().map(|words| line(words)).collect::<Vec<_>>() })
-        });
-        println!("{}", serde_json::Value::from(all.collect::<Vec<_>>()));
-    } else {
-        for element in elements {
-            println!("{}  {}", element.index, element.folder.display());
-            for words in &element.stages {
-                println!("     {}", line(words));
-            }
-        }
-    }
-    Ending::Done
-}
-
-fn script(args: &SweepArgs, engine: EngineName, runs: usize) -> Result<String> {
-    let engine = match engine {
-        EngineName::Slurm => Engine::Slurm,
-        EngineName::Xargs => Engine::Xargs,
-        EngineName::Parallel => Engine::Parallel,
-    };
-    let folder = std::env::current_dir().context("cannot tell the present folder")?;
-    let jobs = args.jobs.map_or_else(cores, usize::from);
-    Ok(sweep::script(engine, &args.plan.to_string_lossy(), &folder.to_string_lossy(), runs, jobs))
 }
 
 fn cores() -> usize {

@@ -1,7 +1,9 @@
 //! How far one run of a sweep is: `sweep.json` in its folder. In: an element and something that carries out a command line. Out: the element done,
 //! or what is missing.
 
-use std::collections::{BTreeMap, BTreeSet};
+mod differences;
+
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -9,6 +11,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use vibes_data::{FolderLock, write_atomically};
 
+use super::outputs::{is_free, make_room};
 use super::{Element, line};
 use crate::error::{Result, TrainError, io, malformed};
 
@@ -34,6 +37,9 @@ pub struct Mark {
     /// Why that stage has to wait, while it does.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub waiting: Option<String>,
+    /// Places below the run's folder that the stage at hand fills and where nothing was before: what is there now is its own work.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    makes: Vec<String>,
 }
 
 /// How a stage ended.
@@ -57,6 +63,7 @@ impl Mark {
             finished: 0,
             error: None,
             waiting: None,
+            makes: Vec::new(),
         }
     }
 
@@ -85,39 +92,22 @@ impl Mark {
         self.finished >= self.stages.len()
     }
 
-    /// What differs from the plan's mark, as `key: value there, value in the plan`.
-    fn differences(&self, plan: &Self) -> Vec<String> {
-        let (found, asked) = (self.options(), plan.options());
-        let keys: BTreeSet<&String> = found.keys().chain(asked.keys()).collect();
-        let shown = |value: Option<&String>| value.map_or("nothing", String::as_str).to_owned();
-        keys.into_iter()
-            .filter(|key| found.get(*key) != asked.get(*key))
-            .map(|key| format!("{key} is {}, in the plan {}", shown(found.get(key)), shown(asked.get(key))))
-            .collect()
+    /// Clears what an earlier attempt at the stage at hand has made, and notes what this one will make before it is there: after a kill nobody else
+    /// could tell it from what the stage has found.
+    fn begin(&mut self, words: &[String], element: &Element) -> Result<()> {
+        let makes = make_room(words, &element.folder, &self.makes)?;
+        if self.makes == makes {
+            return Ok(());
+        }
+        self.makes = makes;
+        self.write(element)
     }
 
-    /// Settings and the options of every stage, by name; one that is given again, by its name and which time it is, so that none hides another.
-    fn options(&self) -> BTreeMap<String, String> {
-        let mut all = self.settings.clone();
-        for (number, words) in self.stages.iter().enumerate() {
-            let stage = number + 1;
-            let mut last = None::<String>;
-            for (place, word) in words.iter().enumerate() {
-                let (key, value) = match (word.strip_prefix('-'), last.take()) {
-                    (None, Some(option)) => (option, word.clone()),
-                    (None, None) => (format!("stage {stage} word {place}"), word.clone()),
-                    (Some(_), _) => match word.split_once('=') {
-                        Some((option, value)) => (unused(&all, format!("stage {stage} {option}")), value.to_owned()),
-                        None => {
-                            let option = unused(&all, format!("stage {stage} {word}"));
-                            (last.insert(option).clone(), "given".to_owned())
-                        }
-                    },
-                };
-                all.insert(key, value);
-            }
-        }
-        all
+    /// Notes why the stage at hand failed; of what it was to make only what is there is its work.
+    fn fail(&mut self, error: String, element: &Element) -> Result<()> {
+        self.makes.retain(|place| !is_free(&element.folder.join(place)));
+        (self.error, self.waiting) = (Some(error), None);
+        self.write(element)
     }
 
     /// Notes why the stage at hand waits, where that is another reason than before.
@@ -139,18 +129,6 @@ impl Mark {
 
 fn path(folder: &Path) -> PathBuf {
     folder.join("sweep.json")
-}
-
-/// The key, or the key with the number of times that it is there already, this one included.
-fn unused(all: &BTreeMap<String, String>, key: String) -> String {
-    if !all.contains_key(&key) {
-        return key;
-    }
-    let mut time = 2;
-    while all.contains_key(&format!("{key} #{time}")) {
-        time += 1;
-    }
-    format!("{key} #{time}")
 }
 
 /// Does what is not done of an element yet, by `carry_out` for one command line after the other; none if all was done before.
@@ -175,16 +153,18 @@ pub fn run_element<E: From<TrainError> + std::fmt::Display>(
             mark.wait(None, element)?;
             return Ok(Some(StageEnd::Again(None)));
         }
+        mark.begin(words, element)?;
         match carry_out(words) {
             Ok(StageEnd::Again(reason)) => {
                 mark.wait(reason, element)?;
                 std::thread::sleep(WAIT);
                 continue;
             }
-            Ok(StageEnd::Done) => (mark.finished, mark.waiting) = (mark.finished + 1, None),
+            Ok(StageEnd::Done) => {
+                (mark.finished, mark.waiting, mark.makes) = (mark.finished + 1, None, Vec::new());
+            }
             Err(error) => {
-                (mark.error, mark.waiting) = (Some(format!("{error:#}: {}", line(words))), None);
-                mark.write(element)?;
+                mark.fail(format!("{error:#}: {}", line(words)), element)?;
                 return Err(error);
             }
         }

@@ -1,7 +1,7 @@
-//! Scripts that hand a sweep to an engine which exists: Slurm, xargs, GNU parallel. In: a plan's path and how many runs it has. Out: the script's
-//! text. Nothing is submitted.
+//! Scripts that hand a sweep to an engine which exists: Slurm, xargs, GNU parallel. In: a plan's path and its runs. Out: the script's text. Nothing
+//! is submitted.
 
-use super::line;
+use super::{Element, line, names_digest};
 
 /// What runs the sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,10 +14,11 @@ pub enum Engine {
     Parallel,
 }
 
-/// The script for `runs` runs of `plan`, at most `jobs` of them at once, to be started in `folder`.
-pub fn script(engine: Engine, plan: &str, folder: &str, runs: usize, jobs: usize) -> String {
-    let last = runs.saturating_sub(1);
-    let plan = line(&[plan.to_owned()]);
+/// The script for the runs of `plan`, at most `jobs` of them at once, to be started in `folder`.
+pub fn script(engine: Engine, plan: &str, folder: &str, elements: &[Element], jobs: usize) -> String {
+    let last = elements.len().saturating_sub(1);
+    // The script says numbers: of a plan that has other runs by then, they would mean others.
+    let plan = format!("{} --names-are {}", line(&[plan.to_owned()]), names_digest(elements));
     let folder = line(&[folder.to_owned()]);
     let alone = "#!/usr/bin/env bash\n# Every run on one core; given again, it goes on with what is not done.\nset -euo pipefail\nexport RAYON_NUM_THREADS=${RAYON_NUM_THREADS:-1}\n";
     match engine {
@@ -78,16 +79,43 @@ exit $code
 mod tests {
     use super::*;
 
+    fn elements(names: &[&str]) -> Vec<Element> {
+        let element = |(index, name): (usize, &&str)| Element {
+            index,
+            name: (*name).to_owned(),
+            folder: (*name).into(),
+            settings: Default::default(),
+            stages: Vec::new(),
+        };
+        names.iter().enumerate().map(element).collect()
+    }
+
     /// A name of a folder or a plan is what it is, whatever words the script is made of and however a shell reads it.
     #[test]
     fn names_are_left_as_they_are() {
         let (folder, plan) = ("/data/PLAN of JOBS", "LAST INDEX/FOLDER.toml");
+        let runs = elements(&["a", "b", "c"]);
+        let wanted = format!("vibes-train sweep 'LAST INDEX/FOLDER.toml' --names-are {} --index", names_digest(&runs));
         for engine in [Engine::Slurm, Engine::Xargs, Engine::Parallel] {
-            let text = script(engine, plan, folder, 3, 2);
+            let text = script(engine, plan, folder, &runs, 2);
             assert!(text.contains("\ncd '/data/PLAN of JOBS'\n"), "{text}");
-            assert!(text.contains("vibes-train sweep 'LAST INDEX/FOLDER.toml' --index"), "{text}");
+            assert!(text.contains(&wanted), "{text}");
         }
-        assert!(script(Engine::Slurm, plan, folder, 3, 2).contains("#SBATCH --array=0-2%2\n"));
-        assert!(script(Engine::Parallel, plan, folder, 3, 2).contains("| parallel -q --jobs 2 "));
+        assert!(script(Engine::Slurm, plan, folder, &runs, 2).contains("#SBATCH --array=0-2%2\n"));
+        assert!(script(Engine::Parallel, plan, folder, &runs, 2).contains("| parallel -q --jobs 2 "));
+    }
+
+    /// Names are told apart by where they stand and where they end, and a run by everything that it does.
+    #[test]
+    fn other_runs_have_another_digest() {
+        let plans = [&["a", "b"][..], &["b", "a"], &["ab"], &["a"], &["a", "b", "c"]];
+        let digests = plans.map(|names| names_digest(&elements(names)));
+        let distinct: std::collections::BTreeSet<&String> = digests.iter().collect();
+        assert_eq!(distinct.len(), digests.len(), "{digests:?}");
+        let run = || elements(&["a"]).remove(0);
+        let longer = Element { stages: vec![vec!["vibes-train".to_owned()]], ..run() };
+        let elsewhere = Element { folder: "b".into(), ..run() };
+        assert_eq!(run().digest(), run().digest());
+        assert!(longer.digest() != run().digest() && elsewhere.digest() != run().digest());
     }
 }

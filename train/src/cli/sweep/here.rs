@@ -11,17 +11,18 @@ use vibes_command::{Ending, error_text, parse};
 use vibes_train::TrainError;
 use vibes_train::sweep::{Element, StageEnd, line, run_element};
 
+use super::tally::Tally;
 use super::{LOOK, Verb, say};
 use crate::cli::{Cli, Context, judge};
 
-/// Does some runs in this process. One that fails does not keep the others from being done.
+/// Does some runs in this process. One that fails, or that another process is at, does not keep the others from being done.
 pub(super) fn here(
     context: &Context,
     elements: &[Element],
     chosen: &[usize],
     (verb, stop): (Verb, &AtomicBool),
 ) -> Result<Ending> {
-    let mut failed = Vec::new();
+    let mut tally = Tally::of(chosen.len());
     for &index in chosen {
         let element = &elements[index];
         let mut said = Said::default();
@@ -32,27 +33,18 @@ pub(super) fn here(
                 say(context, &format!("run {index} is saved; the same command goes on: {}", element.folder.display()));
                 return Ok(Ending::Again);
             }
-            Err(error) if judge(&error) == Ending::Again => return Err(error),
             Err(error) if chosen.len() == 1 => return Err(error),
+            Err(error) if judge(&error) == Ending::Again => {
+                eprintln!("run {index} is busy: {}", error_text(&error));
+                tally.busy.push(index);
+            }
             Err(error) => {
                 eprintln!("run {index} failed: {}", error_text(&error));
-                failed.push(index);
+                tally.failed.push(index);
             }
         }
     }
-    ended(&failed, chosen.len())
-}
-
-pub(super) fn ended(failed: &[usize], runs: usize) -> Result<Ending> {
-    if failed.is_empty() {
-        return Ok(Ending::Done);
-    }
-    let names: Vec<String> = failed.iter().map(usize::to_string).collect();
-    bail!(
-        "{} of {runs} runs failed: {}; the others are done, and the same command tries again",
-        failed.len(),
-        names.join(", ")
-    )
+    tally.end(context)
 }
 
 /// What was said of the stage at hand, which may be tried again and again: everything once.
