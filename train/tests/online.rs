@@ -123,10 +123,18 @@ fn a_run_counts_in_both_units_and_leaves_a_sound_recording() {
 #[test]
 fn however_often_it_is_killed_the_same_command_ends_with_the_same_bytes() {
     let mut all_kills = 0;
-    for guard in ["0", "2"] {
+    let anew = [
+        "--guard=1",
+        "--short-horizon=4",
+        "--short-for=60",
+        "--critic-first=15",
+        "--reset-at=800,1590",
+        "--reset-updates=50",
+    ];
+    for (guard, more) in [("0", &["--guard=0"][..]), ("2", &["--guard=2"]), ("1, which begins anew twice", &anew)] {
         let folder = tempfile::tempdir().unwrap();
         let [undisturbed, killed] = ["undisturbed", "killed"].map(|name| folder.path().join(name));
-        let asked = [&LONG[..], &["--guard", guard]].concat();
+        let asked = [&LONG[..], more].concat();
         let output = run(&undisturbed, &asked);
         assert!(output.status.success(), "{}", text(&output));
         let line = lines(&undisturbed.join("metrics.jsonl")).pop().unwrap();

@@ -66,10 +66,10 @@ impl OnlineProgress {
         }
         let (critic, updates) = (
             options.critic_first,
-            options.whole_updates(info.options.length * info.options.batch, !prepared.given.is_empty()),
+            options.fewest_updates(info.options.length * info.options.batch, !prepared.given.is_empty()),
         );
         if critic >= updates {
-            self.say(&format!("the actor will not move: the critic has the first {critic} updates (--critic-first), and about {updates} are made in all"));
+            self.say(&format!("the actor will not move: the critic has the first {critic} updates (--critic-first), and about {updates} are made {}", options.where_fewest()));
         }
     }
 

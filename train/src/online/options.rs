@@ -10,10 +10,14 @@ use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::Look;
 use vibes_env::videos::{VideoSource, davis};
 
+pub(super) use self::typed::{difference, flag};
 use super::protocol::Protocol;
 use crate::error::{Result, TrainError, io, malformed};
 use crate::json::is_zero;
 use crate::learners::behaviour::BehaviourOptions;
+
+mod typed;
+mod work;
 
 /// Most rows that may be replayed for every agent step: far more than anybody has time for, and few enough to count.
 const MOST_ROWS_PER_STEP: f64 = 1e6;
@@ -161,29 +165,6 @@ impl OnlineOptions {
         Self { world: self.world.stored(run), held_out_videos, ..self.clone() }
     }
 
-    fn first_difference(&self, asked: &Self) -> Option<(String, String, String)> {
-        let is_published = self.protocol.is_some();
-        difference("", &self.fixed(is_published), &asked.fixed(is_published))
-    }
-
-    /// What may not change from one call to the next: everything under a protocol, else all but how long to go on and how to evaluate.
-    pub(super) fn fixed(&self, is_published: bool) -> serde_json::Value {
-        let free = ["control_steps", "evaluate_every", "evaluation_episodes", "final_episodes"];
-        let mut value = serde_json::to_value(self).unwrap_or_default();
-        // What is left out of the file at its default has a value all the same.
-        // A folder whose videos have changed is told by itself, older runs do not say theirs, and what a run began with is settled once.
-        let settled = ["held_out_videos", "given_control_steps", "given_from", "held_out_seen"];
-        if let Some(entries) = value.as_object_mut() {
-            entries.retain(|key, _| !settled.contains(&key.as_str()));
-        }
-        value["behaviour"]["guard"] = self.behaviour.guard.into();
-        value["behaviour"]["guard_members"] = self.behaviour.guard_members.into();
-        if let (false, Some(entries)) = (is_published, value.as_object_mut()) {
-            entries.retain(|key, _| !free.contains(&key.as_str()));
-        }
-        value
-    }
-
     /// At which control steps the next evaluation is due, seen from so many.
     pub fn next_evaluation(&self, control_steps: u64) -> u64 {
         match self.evaluate_every {
@@ -202,33 +183,6 @@ impl OnlineOptions {
         let is_short = self.short_horizon > 0 && updates < self.short_for;
         let horizon = if is_short { self.short_horizon.min(self.behaviour.horizon) } else { self.behaviour.horizon };
         BehaviourOptions { horizon, ..self.behaviour.clone() }
-    }
-
-    /// Updates that one agent step pays for, when an update sees `rows` rows.
-    pub fn updates_per_step(&self, rows: usize) -> f64 {
-        self.rows_per_step / rows.max(1) as f64
-    }
-
-    /// Random episodes at the beginning: where no recordings are given one at least, since there is nothing else to learn from.
-    fn random_episodes(&self, is_given: bool) -> u64 {
-        u64::from(if is_given { self.prefill } else { self.prefill.max(1) })
-    }
-
-    /// Updates that a run makes, the first ones included, when an update sees `rows` rows; the random episodes pay for none, and what the last episode pays for is not made any more.
-    pub fn whole_updates(&self, rows: usize, is_given: bool) -> u64 {
-        let steps = u64::from(self.world.steps.max(1));
-        let agent_steps = self.control_steps.div_ceil(u64::from(self.world.action_repeat.max(1)));
-        let episodes = agent_steps.div_ceil(steps).saturating_sub(1);
-        let paying = episodes.saturating_sub(self.random_episodes(is_given)) * steps;
-        let resets = self.reset_updates.saturating_mul(self.reset_at.len() as u64);
-        let first = self.first_updates.saturating_add(resets);
-        first.saturating_add((paying as f64 * self.updates_per_step(rows)) as u64)
-    }
-
-    /// Whether world model, actor and critic begin anew after so many control steps, having done so `resets` times; at the end of a run there is nothing to begin for.
-    pub fn is_reset_due(&self, resets: u64, control_steps: u64) -> bool {
-        let due = self.reset_at.get(resets as usize);
-        control_steps < self.control_steps && due.is_some_and(|at| control_steps >= *at)
     }
 
     /// That the values make sense.
@@ -264,58 +218,6 @@ impl OnlineOptions {
             Some(protocol) => self.is_under(protocol),
             None => Ok(()),
         }
-    }
-
-    /// That a new run, with or without recordings given, comes to what was asked for: an actor that acts, and one that sees the short first horizon if there is one.
-    ///
-    /// # Errors
-    /// The control steps are over before the random episodes are, or the short horizon before the actor moves.
-    pub fn check_new(&self, is_given: bool) -> Result<()> {
-        let episodes = self.random_episodes(is_given);
-        let random = episodes * u64::from(self.world.steps) * u64::from(self.world.action_repeat);
-        if episodes > 0 && self.control_steps <= random {
-            let asked = self.control_steps;
-            return Err(TrainError::Options(format!(
-                "--control-steps is {asked}, and the {episodes} random episodes before the actor's (--prefill) take {random}; it must be above that"
-            )));
-        }
-        if let Some(last) = self.reset_at.last().filter(|last| **last >= self.control_steps) {
-            let asked = self.control_steps;
-            return Err(TrainError::Options(format!(
-                "--reset-at has {last}, and the run is over after {asked} control steps; it must be below that"
-            )));
-        }
-        if self.short_for > 0 && self.short_horizon == 0 {
-            let text = "--short-for has no effect without --short-horizon; leave it out, or say how short";
-            return Err(TrainError::Options(text.to_owned()));
-        }
-        if self.short_horizon > 0 && self.short_for <= self.critic_first {
-            let (updates, critic) = (self.short_for, self.critic_first);
-            return Err(TrainError::Options(format!(
-                "--short-for is {updates}, and the actor moves after {critic} updates (--critic-first); it must be above that, or leave out --short-horizon"
-            )));
-        }
-        Ok(())
-    }
-
-    /// Updates in which the actor is held still unless another number is asked for.
-    pub fn default_critic_first(is_given: bool) -> u64 {
-        if is_given { 500 } else { 100 }
-    }
-
-    /// That the actor of a new run, whose updates see `rows` rows, moves before the run is over, where it was asked for how long it is held still. A trial that is shorter than the number
-    /// that holds by default is told so and goes on.
-    ///
-    /// # Errors
-    /// The critic has every update for itself.
-    pub fn check_actor_moves(&self, rows: usize, is_given: bool) -> Result<()> {
-        let (critic, updates) = (self.critic_first, self.whole_updates(rows, is_given));
-        if critic < updates.max(1) || critic == Self::default_critic_first(is_given) {
-            return Ok(());
-        }
-        Err(TrainError::Options(format!(
-            "--critic-first is {critic}, and about {updates} updates are made in all; it must be below that, or the actor never moves"
-        )))
     }
 
     /// Puts a protocol's settings in.
@@ -370,40 +272,6 @@ impl OnlineOptions {
             return refuse("evaluations", "of samples".to_owned(), "of the actor's mode".to_owned());
         }
         Ok(())
-    }
-}
-
-/// An option as it is typed, from its path in a file.
-pub(super) fn flag(path: &str) -> String {
-    let typed = match path {
-        "world.distractors.axes" => "distract",
-        "world.distractors.dynamic" => "static",
-        "world.look" => "render",
-        "behaviour.actions" | "behaviour.values" => "recipe",
-        _ if path.starts_with("world.videos") => "videos",
-        _ => path.rsplit('.').next().unwrap_or(path),
-    };
-    typed.replace('_', "-")
-}
-
-/// The first entry in which two JSON values differ, by its path.
-pub(super) fn difference(
-    at: &str,
-    left: &serde_json::Value,
-    right: &serde_json::Value,
-) -> Option<(String, String, String)> {
-    use serde_json::Value::Object;
-    match (left, right) {
-        (Object(left), Object(right)) => {
-            let keys = left.keys().chain(right.keys().filter(|key| !left.contains_key(*key)));
-            keys.into_iter().find_map(|key| {
-                let path = if at.is_empty() { key.clone() } else { format!("{at}.{key}") };
-                let none = serde_json::Value::Null;
-                difference(&path, left.get(key).unwrap_or(&none), right.get(key).unwrap_or(&none))
-            })
-        }
-        _ if left == right => None,
-        _ => Some((at.to_owned(), left.to_string(), right.to_string())),
     }
 }
 

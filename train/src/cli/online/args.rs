@@ -40,7 +40,7 @@ pub(super) struct WorkArgs {
     #[arg(long, value_name = "N", requires = "short_horizon")]
     short_for: Option<u64>,
     /// Control steps, with commas between them, after each of which world model, actor and critic begin anew with new weights on all that was lived through: against a model
-    /// that has learned its first episodes by heart, as happens where a run begins from nothing [default: never].
+    /// that has learned its first episodes by heart, as happens where a run begins from nothing. It comes at the end of the episode in which they are reached [default: never].
     #[arg(long, value_name = "N,…", value_delimiter = ',')]
     reset_at: Option<Vec<u64>>,
     /// Updates after each of these before the next episode [default: 4000].

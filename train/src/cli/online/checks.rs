@@ -77,7 +77,8 @@ impl OnlineArgs {
         let unguarded: &[&str] = if options.behaviour.guard > 0.0 { &[] } else { &["guard_members"] };
         self.refuse(unguarded.iter().copied(), "without a guard (--guard)")?;
         let is_unseen = options.world.size.is_none();
-        let unseen: &[&str] = if is_unseen { &["videos", "video_count", "difficulty", "static"] } else { &[] };
+        let unseen: &[&str] =
+            if is_unseen { &["videos", "video_count", "difficulty", "static", "render"] } else { &[] };
         self.refuse(unseen.iter().copied(), "where nothing is drawn (--no-pixels)")?;
         let asked: &[&str] = if is_unseen && axes != Axes::NONE { &["distract"] } else { &[] };
         self.refuse(asked.iter().copied(), "where nothing is drawn (--no-pixels), but for --distract none")?;

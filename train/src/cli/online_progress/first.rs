@@ -30,10 +30,17 @@ impl First {
     pub(super) fn go_on(&mut self, run: &Run) {
         let state = run.newest_model().ok().and_then(|model| std::fs::read(model.with_file_name("online.json")).ok());
         let state: Option<OnlineState> = state.and_then(|bytes| serde_json::from_slice(&bytes).ok());
-        if let Some(state) = state.filter(|state| state.resets > 0) {
+        if let Some(state) = state {
+            self.go_on_from(&state);
+        }
+    }
+
+    fn go_on_from(&mut self, state: &OnlineState) {
+        if state.resets > 0 {
             self.made = state.updates_before_reset;
             self.reset(self.after_reset);
         }
+        self.made = state.updates;
     }
 
     /// All begins anew.
@@ -98,6 +105,21 @@ mod tests {
         assert_eq!(first.after(&line(1300, Some(7.5))), None);
         first.reset(400);
         let said = first.after(&line(1320, None));
+        assert_eq!(said.as_deref(), Some("first updates: 20 of 400, before the next episode"));
+        // Gone on with in the updates after a beginning anew, and where the next one is due at once.
+        let mut again = First::of(&OnlineOptions { reset_updates: 400, ..options.clone() });
+        again.go_on_from(&OnlineState {
+            updates: 1320,
+            resets: 1,
+            updates_before_reset: 1300,
+            ..OnlineState::default()
+        });
+        let said = again.after(&line(1340, None));
+        assert_eq!(said.as_deref(), Some("first updates: 40 of 400, before the next episode"));
+        let mut due = First::of(&options);
+        due.go_on_from(&OnlineState { updates: 1300, ..OnlineState::default() });
+        due.reset(400);
+        let said = due.after(&line(1320, None));
         assert_eq!(said.as_deref(), Some("first updates: 20 of 400, before the next episode"));
     }
 }

@@ -47,6 +47,27 @@ fn a_longer_run_hides_no_other_change() {
     assert_eq!(published.first_difference(&longer).map(|(key, ..)| key).as_deref(), Some("control_steps"));
 }
 
+/// Whatever may not change is told in the words in which it was typed, with the values that these words have.
+#[test]
+fn what_differs_is_told_as_it_is_typed() {
+    let found = default_options(default_world("cartpole-swingup").unwrap(), false);
+    let changes: [(&str, &str, Change); 6] = [
+        ("static", "false", |options| options.world.distractors.dynamic = false),
+        ("distract", "\"background,camera,color\"", |options| options.world.distractors.axes.camera = false),
+        ("no-pixels", "false", |options| options.world.draw_nothing()),
+        ("evaluate-samples", "false", |options| options.evaluate_mode = false),
+        ("render", "\"fast\"", |options| options.world.look = Look::Suite),
+        ("video-count", "null", |options| options.world.video_count = Some(9)),
+    ];
+    for (typed, value, change) in changes {
+        let mut other = found.clone();
+        change(&mut other);
+        let (key, before, _) = found.first_difference(&other).unwrap();
+        assert_eq!((flag(&key).as_str(), before.as_str()), (typed, value));
+        assert_eq!(flag(&format!("online.{key}")), typed, "of an agent without a world model too");
+    }
+}
+
 #[test]
 fn beginning_anew_is_due_once_at_each_of_its_control_steps_and_not_at_the_end() {
     let found = default_options(default_world("cartpole-swingup").unwrap(), false);
@@ -55,13 +76,31 @@ fn beginning_anew_is_due_once_at_each_of_its_control_steps_and_not_at_the_end() 
     let due = |resets_before, control_steps| resets.is_reset_due(resets_before, control_steps);
     assert_eq!([due(0, 19_999), due(0, 20_000), due(1, 20_000), due(1, 61_000)], [false, true, false, true]);
     assert_eq!([due(2, 400_000), due(1, 500_000), found.is_reset_due(0, 400_000)], [false; 3]);
-    assert_eq!(resets.whole_updates(128, false), found.whole_updates(128, false) + 8000);
+    let lives = resets.updates_by_life(128, false);
+    assert_eq!(lives, [200 + 125 * 14, 4000 + 125 * 40, 4000 + 125 * 440], "five of the first 20 episodes are random");
+    assert_eq!(
+        (resets.fewest_updates(128, false), resets.where_fewest()),
+        (1950, "between two beginnings, where they are fewest (--reset-at)")
+    );
     for wrong in [vec![0], vec![5, 5], vec![7, 5]] {
         let error = OnlineOptions { reset_at: wrong, ..resets.clone() }.check().unwrap_err().to_string();
         assert!(error.contains("--reset-at is") && error.contains("rise"), "{error}");
     }
-    let late = OnlineOptions { control_steps: 60_000, ..resets.clone() };
-    assert!(late.check_new(false).unwrap_err().to_string().contains("--reset-at has 60000"));
+    let refused = |reset_at: Vec<u64>, control_steps| {
+        OnlineOptions { reset_at, control_steps, ..resets.clone() }.check_new(false).unwrap_err().to_string()
+    };
+    let late = refused(vec![20_000, 60_000], 60_000);
+    assert!(late.contains("--reset-at has 60000") && late.contains("over after 60000"), "{late}");
+    assert!(refused(vec![20_000, 59_001], 60_000).contains("--reset-at has 59001"), "its episode is the last one");
+    assert!(
+        refused(vec![5000], 60_000).contains("the random episodes (--prefill) ends after 5000"),
+        "nothing is learned before it"
+    );
+    assert!(
+        refused(vec![20_001, 21_000], 60_000).contains("--reset-at has 21000"),
+        "both are at the end of one episode"
+    );
+    OnlineOptions { reset_at: vec![5001, 6001], ..resets.clone() }.check_new(false).unwrap();
     assert_eq!(found.first_difference(&resets).map(|(key, ..)| flag(&key)).as_deref(), Some("reset-at"));
 }
 
@@ -129,22 +168,25 @@ fn of_ten_episodes() -> OnlineOptions {
 #[test]
 fn random_episodes_pay_for_no_updates() {
     let options = of_ten_episodes();
-    assert_eq!(options.whole_updates(128, false), 200 + (10_000 / 8 - 6 * 125) / 2);
-    assert_eq!(OnlineOptions { prefill: 0, ..options.clone() }.whole_updates(128, true), 200 + (10_000 / 8 - 125) / 2);
-    assert_eq!(OnlineOptions { first_updates: u64::MAX, ..options.clone() }.whole_updates(128, false), u64::MAX);
-    assert_eq!(OnlineOptions { control_steps: 100, ..options }.whole_updates(128, false), 200);
+    assert_eq!(options.fewest_updates(128, false), 200 + (10_000 / 8 - 6 * 125) / 2);
+    assert_eq!(OnlineOptions { prefill: 0, ..options.clone() }.fewest_updates(128, true), 200 + (10_000 / 8 - 125) / 2);
+    assert_eq!(OnlineOptions { first_updates: u64::MAX, ..options.clone() }.fewest_updates(128, false), u64::MAX);
+    assert_eq!(OnlineOptions { control_steps: 100, ..options }.fewest_updates(128, false), 200);
 }
 
 #[test]
 fn an_actor_that_would_never_move_is_refused_where_that_was_asked_for() {
     let options = of_ten_episodes();
-    assert_eq!(options.whole_updates(128, false), 450);
+    assert_eq!(options.fewest_updates(128, false), 450);
     let held = |critic_first| OnlineOptions { critic_first, ..options.clone() }.check_actor_moves(128, false);
     held(449).unwrap();
     let error = held(450).unwrap_err().to_string();
     assert!(error.contains("--critic-first is 450, and about 450 updates"), "{error}");
     let brief = OnlineOptions { control_steps: 100, first_updates: 4, ..options };
     brief.check_actor_moves(128, false).unwrap();
+    let anew = OnlineOptions { reset_at: vec![8000], reset_updates: 12, critic_first: 150, ..of_ten_episodes() };
+    let error = anew.check_actor_moves(128, false).unwrap_err().to_string();
+    assert!(error.contains("about 137 updates are made between two beginnings"), "{error}");
     assert!(OnlineOptions { critic_first: 99, ..brief }.check_actor_moves(128, false).is_err());
 }
 
