@@ -45,7 +45,7 @@ pub enum TrainError {
     #[error("{0}")]
     Options(String),
     /// The run folder was begun with other options.
-    #[error("this run has {key} = {found}, asked for was {asked}; repeat its options to go on with it, or name another folder with -o: {}", path.display())]
+    #[error("this run has {key} = {found}, asked for was {asked}; repeat its {key} to go on with it, or name another folder with -o: {}", path.display())]
     OtherRun {
         /// The first option that differs.
         key: String,
@@ -71,6 +71,16 @@ pub enum TrainError {
         found: String,
         /// What the model needs.
         wanted: String,
+        /// The recording.
+        path: PathBuf,
+    },
+    /// A model is to be judged in another world than the one it has learned from.
+    #[error("this is a recording of {found}; the run has learned from {learned}, without which its rewards and dynamics mean nothing; record a grid of that: {}", path.display())]
+    OtherWorld {
+        /// The recording's world.
+        found: String,
+        /// The model's.
+        learned: String,
         /// The recording.
         path: PathBuf,
     },
@@ -148,6 +158,9 @@ pub enum TrainError {
         "the thread that acts in the environment stopped; everything up to the last checkpoint is kept; run the same command again"
     )]
     NoActor,
+    /// Whoever listens wants what is being measured to end before it is whole.
+    #[error("stopped before it was whole; give the same command again")]
+    Stopped,
     /// The world that is acted in is not as asked.
     #[error(transparent)]
     World(#[from] vibes_env::Error),

@@ -28,7 +28,7 @@ mod took;
 
 pub use feature_table::Features;
 pub use features::features;
-pub use gaps::{GapOptions, Gaps, Judged, Likelihoods, check_gaps, check_windows, gaps};
+pub use gaps::{GapOptions, Gaps, Judged, Likelihoods, check_gaps, check_windows, gaps, gaps_while};
 pub(crate) use held_out::films;
 pub use held_out::{GridVideos, are_videos_new_to, is_held_out, is_new_to, shared_starts, videos_of};
 pub use open_loop::open_loop;
@@ -89,16 +89,32 @@ pub fn evaluate(
     options: EvaluateOptions,
     device: &Device,
 ) -> Result<Report> {
+    evaluate_while(encoder, grid, training, options, device, &mut || Ok(()))
+}
+
+/// The same where `go_on` is asked between episodes and between tables, and ends it with the error that it gives.
+///
+/// # Errors
+/// As [`evaluate`], or what `go_on` says.
+pub fn evaluate_while(
+    encoder: TrainedEncoder<'_>,
+    grid: &Recording,
+    training: &[Recording],
+    options: EvaluateOptions,
+    device: &Device,
+    go_on: &mut dyn FnMut() -> Result<()>,
+) -> Result<Report> {
     training.iter().chain([grid]).try_for_each(|recording| check_fit(encoder, recording))?;
     let judged = Rows::of(std::slice::from_ref(grid), usize::MAX)?;
     check_rows(&judged, grid)?;
     let fitted = Rows::of(training, options.probe_episodes)?;
-    let tables = features(encoder, &judged, device)?;
-    let tables_to_fit = features(encoder, &fitted, device)?;
+    let tables = features(encoder, &judged, device, go_on)?;
+    let tables_to_fit = features(encoder, &fitted, device, go_on)?;
     let (mut numbers, size) = grid_of(&judged, &tables[0], grid, options.seed)?;
     let probes = Probes::of(&judged, &fitted, options.seed);
     let control = probes.read(&judged.past_actions(), (!fitted.is_empty()).then(|| fitted.past_actions()).as_ref())?;
     for (at, table) in tables.iter().enumerate() {
+        go_on()?;
         let scores = probes.read(table, tables_to_fit.get(at))?;
         numbers.extend(probe_numbers(table.name, &scores, Some(&control)));
     }

@@ -1,16 +1,20 @@
 //! Offline training: the one loop. In: a run folder, recordings and options. Out: checkpoints and metrics in the run folder; what happens on the way is told to
-//! a listener, which may stop it.
+//! a listener, which may stop it, also in the middle of an evaluation.
+//!
+//! What is due to be saved is saved before what is due to be evaluated, which may take longer than all updates since the last time. An evaluation that a stop or a kill ends is made
+//! when the run goes on: one that is due where a checkpoint stands, and not among the lines of `evaluations.jsonl`.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use burn::tensor::Device;
 use serde::Serialize;
-use vibes_data::{Recording, WindowBatch};
+use vibes_data::{Metrics, Recording, WindowBatch};
 
-use crate::error::Result;
+use crate::error::{Result, TrainError};
 use crate::evaluate::{
-    EvaluateOptions, GapOptions, Gaps, Report, Took, are_videos_new_to, check_grid, evaluate, gaps, is_new_to,
+    EvaluateOptions, GapOptions, Gaps, Report, Took, are_videos_new_to, check_grid, evaluate_while, gaps_while,
+    is_new_to,
 };
 use crate::learners::world::Learner;
 use crate::metrics::Row;
@@ -51,7 +55,9 @@ pub enum Event<'a> {
         /// Where the grid is.
         grid: &'a Path,
     },
-    /// They were.
+    /// A part of that is done, or about to be.
+    Judging,
+    /// They were evaluated.
     Evaluated {
         /// What was found.
         evaluation: &'a Evaluation,
@@ -74,6 +80,21 @@ pub struct HeldOut {
     pub every: u64,
     /// Updates of the fresh critic that measures the gaps to a bisimulation at every evaluation; 0 leaves them out.
     pub gap_updates: u64,
+}
+
+impl HeldOut {
+    /// Whether it is to be looked at where training stands: every so often, and at the end.
+    fn is_due(&self, options: &Options, state: State) -> bool {
+        let is_last = is_over(options, state);
+        state.update > 0 && (is_last || state.update.is_multiple_of(self.every.max(1)))
+    }
+
+    /// Whether that is yet to be done, as of a run that was stopped or killed meanwhile.
+    fn is_owed(&self, run: &Run, state: State) -> Result<bool> {
+        let known = Metrics::read(&run.evaluations_path())?;
+        let mut updates = known.lines.iter().filter_map(|line| line.get("update")?.as_u64());
+        Ok(self.is_due(&run.info().options, state) && updates.all(|update| update != state.update))
+    }
 }
 
 /// A line of `evaluations.jsonl`.
@@ -143,11 +164,12 @@ pub fn fit(
         Some(resumed) => resumed,
         None => first_learner(run, || calibration(recordings, options), device)?,
     };
-    if state.update >= options.updates || out_of_time(options, state.seconds) {
+    let is_owed = held_out.map_or(Ok(false), |held_out| held_out.is_owed(run, state))?;
+    if is_over(options, state) && !is_owed {
         return Ok(End::Nothing);
     }
     if let Some(held_out) = held_out {
-        // Before the first update: a grid that cannot be evaluated on.
+        // Before anything is done: a grid that cannot be evaluated on.
         check_grid((&learner.model).into(), &held_out.grid)?;
     }
     let novelty = held_out.map_or([None; 2], |held_out| {
@@ -159,8 +181,15 @@ pub fn fit(
     std::thread::scope(|scope| {
         let numbers = state.drawn()..state.carried + options.updates;
         let batches = Prefetch::start(scope, &windows, options.seed, numbers);
-        Training { session, options, device, batches, recordings, held_out, novelty }.run(learner, listen)
+        let mut training = Training { session, options, device, batches, recordings, held_out, novelty };
+        let end = if is_owed { training.catch_up(&learner, listen)? } else { None };
+        end.map_or_else(|| training.run(learner, listen), Ok)
     })
+}
+
+/// Whether the updates are made, or the minutes are up.
+fn is_over(options: &Options, state: State) -> bool {
+    state.update >= options.updates || out_of_time(options, state.seconds)
 }
 
 struct Training<'a> {
@@ -175,33 +204,31 @@ struct Training<'a> {
 }
 
 impl Training<'_> {
+    /// The evaluation that the run was stopped or killed in; how the run ends if nothing is to be done after it.
+    fn catch_up(&mut self, learner: &Learner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Option<End>> {
+        Ok(match self.evaluate(learner, listen)? {
+            Go::On => self.end(Go::On),
+            Go::Stop => Some(End::Stopped),
+        })
+    }
+
     fn run(&mut self, mut learner: Learner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<End> {
         loop {
-            let (batches, update) = (&self.batches, self.session.state.update);
-            (learner, _) = self.session.update(learner, || {
-                let batch = batches.next()?;
-                listen(Event::Windows { update, batch: &batch });
-                Ok(batch)
-            })?;
+            learner = self.update(learner, listen)?;
             let State { update, seconds, .. } = self.session.state;
             let mut go = listen(Event::Update { update, seconds });
-            let end = self.end(go);
-            if update.is_multiple_of(self.options.log_every) || end.is_some() {
+            if update.is_multiple_of(self.options.log_every) || self.end(go).is_some() {
                 let row = self.session.take_row();
                 self.session.log(&row)?;
-                go = listen(Event::Metrics(&row));
+                go = go.or(listen(Event::Metrics(&row)));
+            }
+            let end = self.end(go);
+            if update.is_multiple_of(self.options.checkpoint_every) || end.is_some() {
+                self.save(&learner, listen)?;
             }
             // Whoever stops a run wants it saved, not judged.
-            let is_over = matches!(end, Some(End::Updates | End::Minutes));
-            if let Err(error) = self.evaluate(&learner, is_over, listen) {
-                // What was learned is kept, whatever is wrong with the grid.
-                self.session.save(&learner, |_folder| Ok(()))?;
-                return Err(error);
-            }
-            let end = end.or_else(|| self.end(go));
-            if update.is_multiple_of(self.options.checkpoint_every) || end.is_some() {
-                self.session.save(&learner, |_folder| Ok(()))?;
-                listen(Event::Saved { update });
+            if end == Some(End::Stopped) || self.evaluate(&learner, listen)? == Go::Stop {
+                return Ok(End::Stopped);
             }
             if let Some(end) = end {
                 return Ok(end);
@@ -209,33 +236,72 @@ impl Training<'_> {
         }
     }
 
-    /// Every so often, and at the end; its time is not counted as training.
-    fn evaluate(&mut self, learner: &Learner, last: bool, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<()> {
-        let Some(held_out) = self.held_out else { return Ok(()) };
-        let update = self.session.state.update;
-        if last || update.is_multiple_of(held_out.every.max(1)) {
-            listen(Event::Evaluating { grid: held_out.grid.path() });
-            let (evaluation, took) = self.judge(learner, held_out, update)?;
-            self.session.evaluated(&evaluation)?;
-            listen(Event::Evaluated { evaluation: &evaluation, took });
+    fn update(&mut self, learner: Learner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Learner> {
+        let (batches, update) = (&self.batches, self.session.state.update);
+        let (learner, _) = self.session.update(learner, || {
+            let batch = batches.next()?;
+            listen(Event::Windows { update, batch: &batch });
+            Ok(batch)
+        })?;
+        Ok(learner)
+    }
+
+    fn save(&mut self, learner: &Learner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<()> {
+        self.session.save(learner, |_folder| Ok(()))?;
+        listen(Event::Saved { update: self.session.state.update });
+        Ok(())
+    }
+
+    /// Judges the latents where that is due, unless the listener stops it. What was learned is kept then, and whatever is wrong with the grid.
+    fn evaluate(&mut self, learner: &Learner, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<Go> {
+        let is_due = |held_out: &&HeldOut| held_out.is_due(self.options, self.session.state);
+        let Some(held_out) = self.held_out.filter(is_due) else { return Ok(Go::On) };
+        let outcome = self.judge(learner, held_out, listen);
+        if outcome.is_err() && !self.session.is_saved() {
+            self.save(learner, listen)?;
         }
+        match outcome {
+            Err(TrainError::Stopped) => Ok(Go::Stop),
+            outcome => outcome.map(|()| Go::On),
+        }
+    }
+
+    /// One evaluation, from its numbers to its line; its time is not counted as training.
+    fn judge(&mut self, learner: &Learner, held_out: &HeldOut, listen: &mut dyn FnMut(Event<'_>) -> Go) -> Result<()> {
+        let mut tell = |event: Event<'_>| match listen(event) {
+            Go::On => Ok(()),
+            Go::Stop => Err(TrainError::Stopped),
+        };
+        tell(Event::Evaluating { grid: held_out.grid.path() })?;
+        let (evaluation, took) = self.measure(learner, held_out, &mut || tell(Event::Judging))?;
+        self.session.evaluated(&evaluation)?;
+        self.session.summarize()?;
+        // It is made: who wants to stop now is heard at the next update, if there is one.
+        listen(Event::Evaluated { evaluation: &evaluation, took });
         Ok(())
     }
 
     /// The numbers of one evaluation, and how long they took.
-    fn judge(&self, learner: &Learner, held_out: &HeldOut, update: u64) -> Result<(Evaluation, Took)> {
+    fn measure(
+        &self,
+        learner: &Learner,
+        held_out: &HeldOut,
+        go_on: &mut dyn FnMut() -> Result<()>,
+    ) -> Result<(Evaluation, Took)> {
         let begun = Instant::now();
         let (model, grid) = (&learner.model, &held_out.grid);
-        let report = evaluate(model.into(), grid, self.recordings, EvaluateOptions::default(), self.device)?;
+        let options = EvaluateOptions::default();
+        let report = evaluate_while(model.into(), grid, self.recordings, options, self.device, go_on)?;
         let before_gaps = begun.elapsed();
-        let gaps = match held_out.gap_updates {
-            0 => None,
-            updates => Some(gaps(model, self.recordings, grid, GapOptions::like(self.options, updates), self.device)?),
+        let of_gaps = |updates| {
+            let options = GapOptions::like(self.options, updates);
+            gaps_while(model, self.recordings, grid, options, self.device, go_on)
         };
+        let gaps = Some(held_out.gap_updates).filter(|updates| *updates > 0).map(of_gaps).transpose()?;
         let all = begun.elapsed();
         let critic = if gaps.is_some() { all - before_gaps } else { Duration::ZERO };
         let [is_held_out, videos_are_held_out] = self.novelty;
-        let gap_updates = held_out.gap_updates;
+        let (update, gap_updates) = (self.session.state.update, held_out.gap_updates);
         let evaluation = Evaluation { update, is_held_out, videos_are_held_out, report, gaps, gap_updates };
         Ok((evaluation, Took { all, critic }))
     }

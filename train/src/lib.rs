@@ -15,6 +15,7 @@
 //! | [`sweep`] | many runs from one plan |
 //! | [`mod@keep`] | a small copy of a run |
 //! | [`encode`] | a trained run's latents of a recording |
+//! | [`same_world`] | whether a recording is of the task and the action repeat that were learned from |
 //! | [`mod@decode`] | what those latents show: a picture decoder fitted on them |
 //! | [`evaluate`] | how good the latents are, on a held-out grid |
 //! | [`mod@bench`] | how long an update takes |
@@ -37,6 +38,7 @@ pub mod options;
 pub mod prepare;
 pub mod replay;
 pub mod run;
+pub mod same_world;
 pub mod session;
 pub mod settings;
 pub mod summary;

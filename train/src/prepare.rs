@@ -10,6 +10,7 @@ use crate::error::{Result, TrainError};
 use crate::evaluate::{check_is_grid, check_windows};
 use crate::options::Options;
 use crate::run::{Run, RunInfo, versions};
+use crate::same_world::LearnedWorld;
 use crate::settings::Observations;
 
 mod model;
@@ -72,12 +73,13 @@ pub fn prepare(path: &Path, recordings: &[Recording], options: &Options, from: O
 /// That a run on these recordings can be judged on a grid, and its gaps measured there where their critic makes any updates: to be known before its folder is begun.
 ///
 /// # Errors
-/// It is no grid, or of other sizes, or has no window for the gaps, or the recordings lack the observations asked for.
+/// It is no grid, or of other sizes or another world, or has no window for the gaps, or the recordings lack the observations asked for.
 pub fn check_held_out(grid: &Recording, recordings: &[Recording], options: &Options, gap_updates: u64) -> Result<()> {
     if let Some(first) = recordings.first() {
         let spec = &first.manifest().spec;
         let observation = observation_kind(first, options.observations)?;
         check_sizes(&spec.task, observation, spec.action.min.len(), grid)?;
+        LearnedWorld::of(first).check(grid)?;
     }
     check_is_grid(grid)?;
     if gap_updates > 0 { check_windows(grid, options.settings.length) } else { Ok(()) }

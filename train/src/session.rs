@@ -126,6 +126,11 @@ impl<'a> Session<'a> {
         self.state.update / self.options.checkpoint_every > self.saved / self.options.checkpoint_every
     }
 
+    /// Whether nothing was learned since the last checkpoint.
+    pub fn is_saved(&self) -> bool {
+        self.saved == self.state.update
+    }
+
     /// Whether the minutes are up.
     pub fn is_out_of_time(&self) -> bool {
         out_of_time(self.options, self.state.seconds)
@@ -145,6 +150,14 @@ impl<'a> Session<'a> {
         self.state.adversary_optimizer_steps = learner.adversary_optimizer.steps();
         self.run.save(learner, self.state, more)?;
         self.saved = self.state.update;
+        self.summarize()
+    }
+
+    /// Writes the page about the run, as after an evaluation that no checkpoint follows.
+    ///
+    /// # Errors
+    /// The folder cannot be written.
+    pub fn summarize(&self) -> Result<()> {
         write_summary(self.run)
     }
 }
@@ -181,7 +194,8 @@ pub fn new_learner(
 ) -> Result<Learner> {
     let options = &run.info().options;
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
-    rng.set_stream(nth);
+    // Streams of their own, beside those of the updates' draws (`vibes_data::updates::Purpose`).
+    rng.set_stream(if nth == 0 { 0 } else { (1 << 62) + nth });
     let mut model = Model::init(run.info().model.clone(), &mut rng, device)?;
     if options.calibrate {
         let windows = windows()?;

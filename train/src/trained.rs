@@ -9,7 +9,9 @@ use vibes_model::trained::{Trained, encoder_file};
 
 use crate::error::Result;
 use crate::online::model_free::folder::Folder;
+use crate::online::options::OnlineOptions;
 use crate::run::{Run, Seen};
+use crate::same_world::LearnedWorld;
 
 /// A run, opened to be read.
 #[derive(Debug, Clone)]
@@ -64,6 +66,26 @@ impl TrainedRun {
                 Err(_gone) => Seen { recordings: Vec::new(), is_whole: false },
             },
         }
+    }
+
+    /// The world that it has learned from.
+    ///
+    /// # Errors
+    /// The `online.json` of an online run is damaged.
+    pub fn world(&self) -> Result<LearnedWorld> {
+        let run = match self {
+            Self::World(run) => run,
+            Self::ModelFree(folder) => {
+                let world = &folder.options().online.world;
+                let action_repeat = Some(world.action_repeat);
+                return Ok(LearnedWorld { task: world.task.clone(), action_repeat, is_imported: false });
+            }
+        };
+        let lived = OnlineOptions::read(run.path())?.map(|options| options.world.action_repeat);
+        let recorded = run.recordings_left().first().map(LearnedWorld::of);
+        let action_repeat = lived.or(recorded.as_ref().and_then(|world| world.action_repeat));
+        let is_imported = recorded.is_some_and(|world| world.is_imported);
+        Ok(LearnedWorld { task: run.info().model.task.clone(), action_repeat, is_imported })
     }
 
     /// The weights of the newest checkpoint, and the file they are in.

@@ -530,3 +530,47 @@ fn what_cannot_be_evaluated_is_said_before_anything_is_computed() {
     let found: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert!(found["gaps"].is_null() && found["gap_updates"] == 0 && found["report"]["fitted_on"].is_null());
 }
+
+/// What says the same again as the run that is gone on from stands; another unit of reward would have no effect.
+#[test]
+fn the_configuration_of_the_run_before_is_given_back_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 20, false);
+    let first = ["offline", "coins", "--preset", "tiny", "--updates", "1", "--reward-scale", "2", "-q", "-o", "first"];
+    assert_done(&vibes_train(folder.path(), &first));
+    let on = ["offline", "coins", "--from", "first", "--updates", "2", "-o", "second", "--config"];
+    // Its own configuration is that of the run before, and gives the same run again.
+    for (config, said) in [("first/config.toml", "2 updates made"), ("second/config.toml", "already")] {
+        let output = vibes_train(folder.path(), &[&on[..], &[config]].concat());
+        assert_done(&output);
+        assert!(String::from_utf8_lossy(&output.stdout).contains(said), "{config}: {}", errors(&output));
+    }
+    let config = |run: &str| std::fs::read_to_string(folder.path().join(run).join("config.toml")).unwrap();
+    assert_eq!(config("second"), config("first").replace("updates = 1\n", "updates = 2\n"));
+    let output = vibes_train(folder.path(), &[&on[..], &["first/config.toml", "--reward-scale", "3"]].concat());
+    assert!(output.status.code() == Some(2) && errors(&output).contains("--reward-scale"), "{}", errors(&output));
+}
+
+/// A table beside a checkpoint's weights would be taken for a part of it, and kept.
+#[test]
+fn latents_of_a_model_file_lie_in_its_run_and_are_not_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 20, false);
+    let train = ["offline", "coins", "--preset", "tiny", "--updates", "1", "-q", "-o", "run"];
+    assert_done(&vibes_train(folder.path(), &train));
+    let file = "run/checkpoints/000001/model.safetensors";
+    assert_done(&vibes_train(folder.path(), &["encode", file, "coins"]));
+    let [of_run, beside] =
+        ["run/latents.arrow", "run/checkpoints/000001/latents.arrow"].map(|at| folder.path().join(at));
+    assert!(of_run.is_file() && !beside.exists());
+    // Of a file that lies elsewhere they lie beside it, as they did.
+    std::fs::create_dir(folder.path().join("copy")).unwrap();
+    std::fs::copy(folder.path().join(file), folder.path().join("copy/model.safetensors")).unwrap();
+    assert_done(&vibes_train(folder.path(), &["encode", "copy/model.safetensors", "coins"]));
+    assert!(folder.path().join("copy/latents.arrow").is_file());
+    // Where a table was written beside a checkpoint all the same, it is not kept.
+    assert_done(&vibes_train(folder.path(), &["encode", "run", "coins", "-o", beside.to_str().unwrap()]));
+    assert_done(&vibes_train(folder.path(), &["keep", "run", "-o", "kept"]));
+    let kept = folder.path().join("kept/checkpoints/000001");
+    assert!(kept.join("model.safetensors").is_file() && !kept.join("latents.arrow").exists());
+}

@@ -32,7 +32,7 @@ pub(crate) struct EvaluateArgs {
     given: Given,
     /// A run folder; its newest checkpoint is used.
     run: PathBuf,
-    /// A grid recording that was not trained on.
+    /// A grid recording that was not trained on, of the same task and action repeat.
     grid: PathBuf,
     /// Recordings that the probes and the gaps' critic are fitted on [default: those that the run was given, or else its replay].
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
@@ -80,6 +80,16 @@ impl EvaluateArgs {
         Ok(Ok(named?))
     }
 
+    /// Why there are no gaps, where there are none.
+    fn gaps_missing(&self, run: &TrainedRun, training: &vibes_train::Result<Vec<Recording>>) -> Option<String> {
+        match (run, training) {
+            (TrainedRun::ModelFree(_), _) => Some("the run has no world model".to_owned()),
+            _ if self.gap_updates == 0 => Some("--gap-updates 0 leaves them out".to_owned()),
+            (TrainedRun::World(_), Err(gone)) => Some(format!("they need the run's recordings: {gone}")),
+            (TrainedRun::World(_), Ok(_)) => None,
+        }
+    }
+
     /// Updates of the gaps' critic: none without recordings to fit on, which is an error where they were asked for.
     fn affordable_gaps(
         &self,
@@ -107,7 +117,9 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     let training = args.recordings_to_fit(&run)?;
     args.check_given(&run, training.as_ref().is_ok_and(|found| !found.is_empty()))?;
     let grid = Recording::open(&args.grid)?;
+    run.world()?.check(&grid)?;
     let gap_updates = args.affordable_gaps(context, &run, &training)?;
+    let gaps_missing = args.gaps_missing(&run, &training);
     let output = args.output.clone().unwrap_or_else(|| run.places().path().join("evaluation.json"));
     let folder = output.parent().unwrap_or(Path::new(""));
     make_room(&output)?;
@@ -149,6 +161,9 @@ pub(crate) fn run(context: &Context, args: &EvaluateArgs) -> Result<()> {
     let run = run.places();
     let place = |path: &Path| relative_place(path, folder);
     let mut numbers = serde_json::json!({ "run": place(run.path()), "checkpoint": place(&checkpoint), "grid": place(&args.grid), "is_held_out": is_held_out, "fit_on": args.fit_on.iter().map(|path| place(path)).collect::<Vec<_>>(), "gap_updates": if gaps.is_some() { gap_updates } else { 0 }, "report": report, "gaps": gaps });
+    if let Some(why) = gaps_missing {
+        numbers["gaps_missing"] = why.into();
+    }
     if let Some(known) = videos_are_held_out {
         numbers["videos_are_held_out"] = known.into();
     }

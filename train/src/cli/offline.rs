@@ -1,6 +1,6 @@
 //! `vibes-train offline`: train on recordings.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 use anyhow::Result;
@@ -32,7 +32,7 @@ pub(crate) struct OfflineArgs {
     /// Go on from the newest checkpoint of another run, of the same task and sizes and of an objective with the same networks: its weights, the optimisers' moments, and how far its schedules had come.
     #[arg(long, value_name = "RUN")]
     from: Option<PathBuf>,
-    /// A held-out grid to evaluate the latents on while training.
+    /// A held-out grid of the same task and action repeat to evaluate the latents on while training. A run that is done is evaluated where that was not done yet; `vibes-train evaluate` does it anew.
     #[arg(long, value_name = "GRID")]
     eval: Option<PathBuf>,
     /// Updates between evaluations.
@@ -51,15 +51,27 @@ pub(crate) struct OfflineArgs {
 }
 
 impl OfflineArgs {
-    /// The options that are asked for, all of which have an effect: to be known before any file is looked at.
+    /// The options that are asked for, all of which have an effect: to be known before any recording is looked at.
     pub(crate) fn resolve(&self) -> Result<Options> {
         let options = self.options.resolve()?;
-        if self.from.is_some() {
-            // The model that is gone on with has its unit of reward and its first scales.
-            let settled = ["reward_scale", "reward_floor", "calibrate"];
-            refuse(&self.given, settled, "with --from: the run that is gone on from has it settled")?;
+        if let Some(from) = &self.from {
+            self.check_settled(&options, from)?;
         }
         Ok(options)
+    }
+
+    /// That nothing else is given than the model that is gone on with has: its unit of reward and its first scales are settled. What says the same again may stand, as that run's own config.toml does.
+    fn check_settled(&self, options: &Options, from: &Path) -> Result<()> {
+        // Of a sweep the run that is gone on from may have yet to be made.
+        let before = Run::open(from).ok().map(|run| run.info().options.clone());
+        let is_same = |same: fn(&Options, &Options) -> bool| before.as_ref().is_some_and(|found| same(options, found));
+        let settled = [
+            ("reward_scale", is_same(|asked, found| asked.reward_scale == found.reward_scale)),
+            ("reward_floor", is_same(|asked, found| asked.reward_floor == found.reward_floor)),
+            ("calibrate", is_same(|asked, found| asked.calibrate == found.calibrate)),
+        ];
+        let other = settled.into_iter().filter_map(|(option, is_same)| (!is_same).then_some(option));
+        refuse(&self.given, other, "with --from: the run that is gone on from has it settled")
     }
 }
 
@@ -92,7 +104,21 @@ pub(crate) fn run(context: &Context, args: OfflineArgs) -> Result<Ending> {
     progress.finish();
     log.map_or(Ok(()), WindowLog::finish)?;
     report(context, &run, &options, end)?;
+    if let (End::Nothing, Some(grid), false) = (end, &args.eval, context.quiet) {
+        tell_evaluated(&run, grid);
+    }
     Ok(if end == End::Stopped { Ending::Again } else { Ending::Done })
+}
+
+/// That nothing is left to be evaluated, and what would evaluate the run all the same.
+fn tell_evaluated(run: &Run, grid: &Path) {
+    let (path, grid) = (run.path().display(), grid.display());
+    match run.checkpoints().last() {
+        Some(made) => eprintln!(
+            "note: --eval has nothing to do: the run is done, and was evaluated after its {made} updates; to evaluate it anew: vibes-train evaluate {path} {grid}"
+        ),
+        None => eprintln!("note: --eval has nothing to do: no update was made"),
+    }
 }
 
 fn report(context: &Context, run: &Run, options: &Options, end: End) -> Result<()> {

@@ -87,7 +87,7 @@ impl Progress {
 
     pub(crate) fn show(&mut self, event: &Event<'_>) {
         match event {
-            Event::Start { update: 0 } | Event::Windows { .. } => {}
+            Event::Start { update: 0 } | Event::Windows { .. } | Event::Judging => {}
             Event::Start { update } => self.say(&format!("going on after {update} updates")),
             Event::Update { update, seconds } => self.move_bar(*update, *seconds),
             Event::Metrics(row) => self.metrics(row),

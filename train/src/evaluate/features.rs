@@ -13,15 +13,20 @@ use crate::error::Result;
 /// Rows encoded at a time.
 const CHUNK: usize = 128;
 
-/// The tables of features of all rows, the latents first, and alone where there is no world model; none of no rows.
+/// The tables of features of all rows, the latents first, and alone where there is no world model; none of no rows. `go_on` is asked before every episode.
 ///
 /// # Errors
-/// The observations are not the encoder's.
-pub fn features(encoder: TrainedEncoder<'_>, rows: &Rows, device: &Device) -> Result<Vec<Features>> {
+/// The observations are not the encoder's, or what `go_on` says.
+pub fn features(
+    encoder: TrainedEncoder<'_>,
+    rows: &Rows,
+    device: &Device,
+    go_on: &mut dyn FnMut() -> Result<()>,
+) -> Result<Vec<Features>> {
     if rows.is_empty() {
         return Ok(Vec::new());
     }
-    let latents = latents(encoder, rows, device)?;
+    let latents = latents(encoder, rows, device, go_on)?;
     let TrainedEncoder::World(model) = encoder else { return Ok(vec![latents]) };
     let states = states(model, rows, &latents, device);
     let both = beside(&latents, &states);
@@ -57,10 +62,16 @@ fn beside(latents: &Features, states: &Features) -> Features {
 }
 
 /// The latents of all rows.
-fn latents(encoder: TrainedEncoder<'_>, rows: &Rows, device: &Device) -> Result<Features> {
+fn latents(
+    encoder: TrainedEncoder<'_>,
+    rows: &Rows,
+    device: &Device,
+    go_on: &mut dyn FnMut() -> Result<()>,
+) -> Result<Features> {
     let mut values = Vec::new();
     let mut latents = encoder.episode(device);
     for view in rows.views() {
+        go_on()?;
         latents.reset();
         for start in (0..view.rows()).step_by(CHUNK) {
             values.extend(encode_rows(encoder, &mut latents, view, start..view.rows().min(start + CHUNK))?);

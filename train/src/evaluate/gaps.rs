@@ -34,6 +34,9 @@ use crate::learners::optimizer::{NamedGradients, Optimizer};
 use crate::options::Options;
 use crate::windows::Windows;
 
+/// Updates of the critic that are made at a stretch.
+const STRETCH: u64 = 10;
+
 /// How to fit the critic.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct GapOptions {
@@ -168,6 +171,21 @@ pub fn gaps(
     options: GapOptions,
     device: &Device,
 ) -> Result<Gaps> {
+    gaps_while(model, training, held_out, options, device, &mut || Ok(()))
+}
+
+/// The same where `go_on` is asked after every few updates of the critic and before it is judged, and ends it with the error that it gives.
+///
+/// # Errors
+/// As [`gaps`], or what `go_on` says.
+pub fn gaps_while(
+    model: &Model,
+    training: &[Recording],
+    held_out: &Recording,
+    options: GapOptions,
+    device: &Device,
+    go_on: &mut dyn FnMut() -> Result<()>,
+) -> Result<Gaps> {
     check_gaps(model, training, held_out, options.length)?;
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let fixed = Model { config: model.config.clone(), world: model.world.valid(), adversary: None };
@@ -175,16 +193,29 @@ pub fn gaps(
     let windows = Windows::new(training, options.length, options.batch)?;
     let held_out = std::slice::from_ref(held_out);
     let half = options.updates / 2;
-    correctors.fit(&fixed, &windows, options, half, device, &mut rng)?;
+    for updates in stretches(half) {
+        correctors.fit(&fixed, &windows, options, updates, device, &mut rng)?;
+        go_on()?;
+    }
     // Judged on the same windows and noise each time.
     let judge = |correctors: &Correctors, recordings: &[Recording]| {
         correctors.judge(&fixed, recordings, options, device, &mut ChaCha8Rng::seed_from_u64(options.seed ^ 1))
     };
     let half_way = judge(&correctors, held_out)?;
-    correctors.fit(&fixed, &windows, options, options.updates - half, device, &mut rng)?;
-    let (held_out, training) = (judge(&correctors, held_out)?, judge(&correctors, training)?);
+    for updates in stretches(options.updates - half) {
+        correctors.fit(&fixed, &windows, options, updates, device, &mut rng)?;
+        go_on()?;
+    }
+    let held_out = judge(&correctors, held_out)?;
+    go_on()?;
+    let training = judge(&correctors, training)?;
     let (dynamics_gap, reward_gap) = (held_out.dynamics.gap.estimate, held_out.reward.gap.estimate);
     Ok(Gaps { dynamics_gap, reward_gap, held_out, training, half_way })
+}
+
+/// So many updates in stretches.
+fn stretches(updates: u64) -> impl Iterator<Item = u64> {
+    (0..updates).step_by(STRETCH as usize).map(move |made| STRETCH.min(updates - made))
 }
 
 impl Correctors {
