@@ -35,11 +35,11 @@ def end_with_the_worker():
 
 
 @ray.remote(max_retries=-1, retry_exceptions=[Again])
-def run(plan, index, threads, folder):
-    """Run `index` of the plan, in a process of its own; its error's text if it failed."""
+def run(plan, index, digest, threads, folder):
+    """Run `index` of the plan, in a process of its own; its error's text if it failed, or if that is another run by now."""
     # Ray's numbers of cores are bookkeeping: the program has to be told.
     cores = os.environ | {"RAYON_NUM_THREADS": str(threads)}
-    words = ["vibes-train", "sweep", plan, "--index", str(index), "--quiet"]
+    words = ["vibes-train", "sweep", plan, "--index", str(index), "--run-is", digest, "--quiet"]
     done = subprocess.run(words, cwd=folder, env=cores, preexec_fn=end_with_the_worker, capture_output=True, text=True)
     if done.returncode == AGAIN:
         time.sleep(PAUSE)
@@ -57,7 +57,8 @@ def main():
     runs = json.loads(listed.stdout)
     ray.init(address=asked.address, log_to_driver=False, include_dashboard=False if asked.address is None else None)
     start = run.options(num_cpus=asked.threads).remote
-    waiting = {start(os.path.abspath(asked.plan), one["index"], asked.threads, os.getcwd()): one["name"] for one in runs}
+    plan, folder = os.path.abspath(asked.plan), os.getcwd()
+    waiting = {start(plan, one["index"], one["digest"], asked.threads, folder): one["name"] for one in runs}
     failed = 0
     while waiting:
         (ready,), _ = ray.wait(list(waiting))
