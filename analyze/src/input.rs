@@ -58,6 +58,12 @@ pub enum InputError {
         /// The file.
         path: PathBuf,
     },
+    /// A table of nothing.
+    #[error("the table has no rows; a row for each latent is expected: {path}")]
+    NoRows {
+        /// The file.
+        path: PathBuf,
+    },
     /// Columns are missing.
     #[error(
         "column {missing} is missing (found: {found}); needed are episode, step (integers) and latent (a list of floats a row): {path}"

@@ -118,12 +118,15 @@ impl Page {
         }
         self.write_maps(&mut body, &mut data, answers.len());
         body.push_str(&answers);
-        include_str!("report/page.html")
-            .replace("{{title}}", &escape(&self.title))
-            .replace("{{style}}", include_str!("report/page.css"))
-            .replace("{{script}}", include_str!("report/live_map.js"))
-            .replace("{{data}}", &data)
-            .replace("{{body}}", &body)
+        let title = escape(&self.title);
+        let parts = [
+            ("title", title.as_str()),
+            ("style", include_str!("report/page.css")),
+            ("script", include_str!("report/live_map.js")),
+            ("data", data.as_str()),
+            ("body", body.as_str()),
+        ];
+        filled(include_str!("report/page.html"), &parts)
     }
 
     /// Writes the maps and their data; `others` are the bytes of the rest of the page.
@@ -147,6 +150,21 @@ impl Page {
         }
         body.push_str("</div>\n");
     }
+}
+
+/// A template with each `{{name}}` replaced by its part, in one pass: what stands in a part is nobody's place.
+fn filled(template: &str, parts: &[(&str, &str)]) -> String {
+    let mut page = String::with_capacity(template.len() + parts.iter().map(|part| part.1.len()).sum::<usize>());
+    let mut rest = template;
+    while let Some((before, (name, after))) =
+        rest.split_once("{{").and_then(|(before, rest)| Some((before, rest.split_once("}}")?)))
+    {
+        page.push_str(before);
+        page.push_str(parts.iter().find(|part| part.0 == name).map_or("", |part| part.1));
+        rest = after;
+    }
+    page.push_str(rest);
+    page
 }
 
 fn contents(body: &mut String, chapters: &[Chapter], maps: bool) {
@@ -263,6 +281,23 @@ mod tests {
         assert!(html.contains("two &lt; runs &amp; more") && !html.contains("{{"));
         // Each map has its data; nothing of a name ends a script early.
         assert_eq!(html.matches("<script").count(), html.matches("</script>").count());
+    }
+
+    /// Names of columns and kinds are the user's, and may be anything.
+    #[test]
+    fn no_text_of_the_data_takes_the_place_of_a_part_or_ends_a_script() {
+        let name = "{{body}} {{script}} <!--<script> </script>";
+        let column = LiveColumn { name: name.into(), values: vec![0.0], kinds: vec![name.into()] };
+        let map = LiveMap { positions: vec![[0.0; 2]], columns: vec![column], ..LiveMap::default() };
+        let html = Page { title: "{{data}}".into(), maps: vec![map], ..Page::default() }.html();
+        assert_eq!(html.matches("<main>").count(), 1);
+        assert_eq!((html.matches("<h1>").count(), html.matches("data-map=\"map0\"").count()), (1, 1));
+        assert!(html.contains("<title>{{data}}</title>") && html.contains("{{body}} {{script}} \\u003c!--"));
+        assert!(!html.contains("<!--"), "an opened comment hides the end of a script");
+        let data = html.split("data-map=\"map0\">").nth(1).and_then(|rest| rest.split("</script>").next());
+        let data: serde_json::Value = serde_json::from_str(data.expect("data")).expect("JSON");
+        assert_eq!(data["columns"][0]["name"].as_str(), Some(name));
+        assert_eq!(data["columns"][0]["kinds"][0].as_str(), Some(name));
     }
 
     #[test]

@@ -134,6 +134,8 @@ fn the_newest_latents_are_found_and_named() {
     std::fs::create_dir_all(newer.parent().expect("parent")).expect("folder");
     std::thread::sleep(std::time::Duration::from_millis(20));
     std::fs::copy(fixture.latents(), &newer).expect("copy");
+    let (_, said) = good(fixture.path(), &["nn", "--rows", "0:1,1:2,0:1", "-k", "2"]);
+    assert!(said.contains("count once: 0:1"), "{said}");
     let (_, said) = good(fixture.path(), &["nn", "--queries", "2", "-k", "2"]);
     assert!(said.contains("runs/other/latents-x.arrow (the newest latents*.arrow"), "{said}");
     assert!(fixture.path().join("runs/other/figures/neighbours.json").is_file());
@@ -555,7 +557,13 @@ fn a_column_colours_the_grid_and_the_map_of_clusters() {
     let (said, _) = run(&words("clusters", "height,half"));
     assert!(said.contains("map-by-height.png") && said.contains("map-by-half.png"), "{said}");
     let table = std::fs::read_to_string(out.path().join("clusters.csv")).expect("table");
-    assert!(table.contains("height") && !table.contains("half"), "{table}");
+    assert!(table.contains("height") && table.contains("half,left") && table.contains("half,right"), "{table}");
+    let groups = json(&out.path().join("clusters.json"))["clusters"].clone();
+    let half = |group: &Value| {
+        let all = group["quantities"].as_array().expect("quantities");
+        all.iter().find(|typical| typical["quantity"] == "half").expect("half")["kind"].clone()
+    };
+    assert!(groups.as_array().expect("groups").iter().all(|group| half(group).is_string()), "{groups}");
 
     let other = out.path().join("other.csv");
     std::fs::write(&other, "episode,height\n999,1.5\n").expect("table");
@@ -665,6 +673,7 @@ fn wrong_arguments_say_what_would_be_right() {
     assert!(bad(here, &["nn", "--metric", "manhattan"], 2).contains("standardized, euclidean, cosine"));
     assert!(bad(here, &["nn", "--rows", "3:999"], 2).contains("no row 3:999"));
     assert!(bad(here, &["nn", "--rows", "three"], 2).contains("EPISODE:STEP"));
+    assert!(bad(here, &["nn", "--k", "0"], 2).contains("--k is 0"));
     assert!(bad(here, &["grid", "--panels", "4by4"], 2).contains("NxM"));
     assert!(bad(here, &["grid", "--states", "9"], 2).contains("choose among 0, 1, 2, 3"));
     assert!(bad(here, &["scene", "--episodes", "77"], 2).contains("no such episode"));

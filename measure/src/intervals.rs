@@ -122,11 +122,16 @@ impl Trajectories {
     }
 
     /// The interval of a number that depends on how rows lie to each other, from its values `without` each trajectory of either kind ([`jackknife`]). A kind of which there is
-    /// only one, or none, is not left out.
+    /// only one, or none, is not left out. The number may rest on few of the rows, as on those near a few queries: trajectories that change nothing say nothing of how sure it is,
+    /// and are no degrees of freedom. No interval where one or two of a kind change it; a kind of which none does adds no doubt.
     #[must_use]
     pub fn jackknife(&self, estimate: f64, without: &[Vec<f64>; 2], range: Range) -> Interval {
-        let several = without.iter().filter(|values| values.len() > 1).map(Vec::as_slice);
-        jackknife(estimate, &several.collect::<Vec<_>>(), range)
+        let several: Vec<&[f64]> = without.iter().filter(|values| values.len() > 1).map(Vec::as_slice).collect();
+        let telling: Vec<usize> = several.iter().map(|values| telling(estimate, values)).collect();
+        if telling.iter().any(|count| (1..3).contains(count)) {
+            return Interval { estimate, low: f64::NAN, high: f64::NAN };
+        }
+        with_freedom(estimate, &several, &telling, range)
     }
 
     /// How many cells or episodes there are.
@@ -255,6 +260,21 @@ pub fn crossed(estimate: f64, without: [&[f64]; 2], range: Range) -> Interval {
 /// The same of any number of crossed kinds of trajectories, as of episodes alone; no interval of none.
 #[must_use]
 pub fn jackknife(estimate: f64, without: &[&[f64]], range: Range) -> Interval {
+    let all: Vec<usize> = without.iter().map(|values| values.len()).collect();
+    with_freedom(estimate, without, &all, range)
+}
+
+/// What is less than this share of a number is rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// Of how many trajectories a number is another without them, by more than rounding.
+fn telling(estimate: f64, without: &[f64]) -> usize {
+    let is_other = |value: &&f64| (**value - estimate).abs() > ROUNDING * value.abs().max(estimate.abs());
+    without.iter().filter(is_other).count()
+}
+
+/// The jackknife of kinds of which so many trajectories each are `telling`: one less are its degrees of freedom.
+fn with_freedom(estimate: f64, without: &[&[f64]], telling: &[usize], range: Range) -> Interval {
     let is_too_little = |values: &&[f64]| values.len() < 3 || values.iter().any(|value| !value.is_finite());
     if without.is_empty() || without.iter().any(is_too_little) || !estimate.is_finite() {
         return Interval { estimate, low: f64::NAN, high: f64::NAN };
@@ -266,8 +286,8 @@ pub fn jackknife(estimate: f64, without: &[&[f64]], range: Range) -> Interval {
     };
     let variance: Vec<f64> = without.iter().map(variance).collect();
     let total: f64 = variance.iter().sum();
-    let doubt: f64 = variance.iter().zip(without).map(|(v, values)| v * v / (values.len() as f64 - 1.0)).sum();
-    let freedom = if doubt > 0.0 { (total * total / doubt).floor().max(1.0) } else { 1.0 };
+    let doubt: f64 = variance.iter().zip(telling).map(|(v, &count)| v * v / (count as f64 - 1.0).max(1.0)).sum();
+    let freedom = if doubt > 0.0 { (total * total / doubt + ROUNDING).floor().max(1.0) } else { 1.0 };
     let half = if total > 0.0 { t_quantile(freedom as usize) * total.sqrt() } else { 0.0 };
     Interval {
         estimate,
@@ -295,7 +315,7 @@ mod tests {
 
     use rand::Rng;
 
-    use super::{Range, Trajectories, bootstrap, crossed, jackknife, percentile, student};
+    use super::{Interval, Range, Trajectories, bootstrap, crossed, jackknife, percentile, student};
 
     #[test]
     fn student_intervals_are_the_textbook_ones() {
@@ -385,8 +405,40 @@ mod tests {
         assert!(found.low == 0.0 && found.high > 0.0 && found.high < 2.0, "{found:?}");
         let (column, rows) = grid(3, 1);
         assert_eq!((column.counts(), column.of_row(rows[2])), ([3, 1], [Some(2), Some(0)]));
-        let over_states = column.jackknife(2.0, &[vec![1.9, 2.0, 2.1], vec![f64::NAN]], Range::Distance);
+        let over_states = column.jackknife(2.0, &[vec![1.9, 2.01, 2.1], vec![f64::NAN]], Range::Distance);
         assert!(over_states.low < 2.0 && over_states.high > 2.0, "{over_states:?}");
+    }
+
+    /// Few queries in a table of many episodes: those that no query is of or near change nothing when they are left out.
+    #[test]
+    fn trajectories_that_change_nothing_are_no_degrees_of_freedom() {
+        let (column, _) = grid(40, 1);
+        let none = vec![f64::NAN];
+        let left = |changed: &[f64]| [[changed, &vec![2.0 + 1e-15; 40 - changed.len()]].concat(), none.clone()];
+        let of = |changed: &[f64]| column.jackknife(2.0, &left(changed), Range::Distance);
+        assert!(of(&[1.5]).low.is_nan() && of(&[1.5, 2.5]).high.is_nan(), "one or two that tell are too few");
+        let few = of(&[1.5, 2.5, 1.75, 2.25]);
+        let by_all = jackknife(2.0, &[&left(&[1.5, 2.5, 1.75, 2.25])[0]], Range::Distance);
+        // t(3) over t(39), on the scale of square roots.
+        let half = |found: Interval| found.high.sqrt() - 2.0_f64.sqrt();
+        assert!((half(few) / half(by_all) - 3.1824 / 2.0227).abs() < 1e-3, "{few:?} and {by_all:?}");
+        let certain = of(&[]);
+        assert!(certain.low > 2.0 - 1e-9 && certain.high < 2.0 + 1e-9, "what nothing changes is certain: {certain:?}");
+    }
+
+    #[test]
+    fn where_all_trajectories_change_a_number_all_are_degrees_of_freedom() {
+        let (both, _) = grid(4, 3);
+        let left = [vec![1.5, 2.5, 1.75, 2.25], vec![1.9, 2.05, 2.2]];
+        let (found, wanted) =
+            (both.jackknife(2.0, &left, Range::Distance), crossed(2.0, [&left[0], &left[1]], Range::Distance));
+        assert_eq!((found.low, found.high), (wanted.low, wanted.high));
+        // Distractors that change nothing leave the doubt to the states.
+        let (found, wanted) = (
+            both.jackknife(2.0, &[left[0].clone(), vec![2.0; 3]], Range::Distance),
+            jackknife(2.0, &[&left[0]], Range::Distance),
+        );
+        assert!((found.low - wanted.low).abs() < 1e-9 && (found.high - wanted.high).abs() < 1e-9, "{found:?}");
     }
 
     #[test]

@@ -24,7 +24,8 @@ pub struct StateError {
 
 /// Measures the error of `states` `[rows, size]` (each dimension divided by its standard deviation, constant ones left out) over the neighbours, which were looked for
 /// under `exclude`; random rows are drawn under it too, so that latents of noise come to a ratio of 1. None if no dimension varies, there are no queries, or a query has
-/// no row to be compared with. Intervals need three trajectories of every kind that there are several of, and as many rows as neighbours without any one of them.
+/// no row to be compared with. Intervals need three trajectories of every kind that there are several of, three without which the number is another
+/// if there are any, and as many rows as neighbours without any one of them.
 pub fn state_error(
     space: &Space<'_>,
     states: &[f64],

@@ -291,7 +291,7 @@ fn alike(mut images: Vec<(usize, f64)>, image: f64, count: usize) -> Vec<(usize,
 }
 
 /// Latent distances of rotated pairs against those of the rows they are matched with. Intervals leave each trajectory out in turn, with its pairs and as what others are compared with
-/// ([`crate::intervals::jackknife`]): they need three of every kind that there are several of. The generator is not used: nothing is drawn.
+/// ([`crate::intervals::jackknife`]): they need three of every kind that there are several of, and three without which the number is another, if there are any. Views of one episode ([`Table::with_origin`]) go together. The generator is not used: nothing is drawn.
 ///
 /// # Errors
 /// Latents that do not vary.

@@ -3,7 +3,7 @@
 //! Checked once, here; the measures trust it. It borrows its columns, so a million latents are held once.
 
 use crate::Error;
-use crate::intervals::{Trajectories, label};
+use crate::intervals::{Label, Trajectories, label};
 
 /// Latents `[rows, dims]` with their keys. All columns have `rows` values; every latent is finite.
 #[derive(Debug, Clone, Copy)]
@@ -14,6 +14,7 @@ pub struct Table<'a> {
     step: &'a [u32],
     state: Option<&'a [Option<u32>]>,
     distractor: Option<&'a [Option<u32>]>,
+    origin: Option<&'a [u32]>,
 }
 
 impl<'a> Table<'a> {
@@ -32,7 +33,7 @@ impl<'a> Table<'a> {
             let (row, dim) = (at / dims, at % dims);
             return Err(Error::NotFinite { episode: episode[row], step: step[row], dim, value: values[at] });
         }
-        Ok(Self { dims, values, episode, step, state: None, distractor: None })
+        Ok(Self { dims, values, episode, step, state: None, distractor: None, origin: None })
     }
 
     /// The same table with each row's cell of the grid: `state` trajectory and `distractor` trajectory `[rows]`.
@@ -44,6 +45,17 @@ impl<'a> Table<'a> {
         check_length("distractor", distractor.len(), self.rows())?;
         self.state = Some(state);
         self.distractor = Some(distractor);
+        Ok(self)
+    }
+
+    /// The same table of views that were made of others: `origin` `[rows]` names the episode that each row's was made of, its own where it was not made. A view is no trajectory of
+    /// its own, and goes with its origin where trajectories are drawn again or left out.
+    ///
+    /// # Errors
+    /// A column of another length.
+    pub fn with_origin(mut self, origin: &'a [u32]) -> Result<Self, Error> {
+        check_length("origin", origin.len(), self.rows())?;
+        self.origin = Some(origin);
         Ok(self)
     }
 
@@ -93,15 +105,19 @@ impl<'a> Table<'a> {
     /// independent), others by their episode.
     #[must_use]
     pub fn state_trajectories(&self) -> Vec<u32> {
-        let of = |row: usize| label(self.episode[row], self.cell(row)).0;
+        let of = |row: usize| self.label(row).0;
         number(&(0..self.rows()).map(of).collect::<Vec<(u8, u32)>>())
     }
 
     /// What is drawn again for intervals: the cells of a grid by state and by distractor, episodes of other rows.
     #[must_use]
     pub fn trajectories(&self) -> Trajectories {
-        let of = |row: usize| label(self.episode[row], self.cell(row));
-        Trajectories::new(&(0..self.rows()).map(of).collect::<Vec<_>>())
+        Trajectories::new(&(0..self.rows()).map(|row| self.label(row)).collect::<Vec<_>>())
+    }
+
+    /// What a row is of: its cell, else the episode that it or its origin is in.
+    fn label(&self, row: usize) -> Label {
+        label(self.origin.unwrap_or(self.episode)[row], self.cell(row))
     }
 
     /// The row with this key.

@@ -150,8 +150,12 @@ fn same_rows(sessions: &[Session]) -> anyhow::Result<()> {
 
 /// How the rows of two tables differ: in number or order, or in what both say of one row. Recordings may have the same episodes and steps and nothing else in common.
 fn difference(a: &Latents, b: &Latents) -> Option<String> {
-    if a.episode != b.episode || a.step != b.step {
+    if a.len() != b.len() {
         return Some(format!("{} and {}", a.len(), b.len()));
+    }
+    let key = |l: &Latents, row: usize| format!("step {} of episode {}", l.step[row], l.episode[row]);
+    if let Some(row) = (0..a.len()).find(|&row| (a.episode[row], a.step[row]) != (b.episode[row], b.step[row])) {
+        return Some(format!("row {row}, counted from 0, is {} and {}", key(a, row), key(b, row)));
     }
     let of_row = |row: usize| {
         let of_cells = |name: &str, a: Option<u32>, b: Option<u32>| {
@@ -163,7 +167,7 @@ fn difference(a: &Latents, b: &Latents) -> Option<String> {
         of_cells("state", a.state[row], b.state[row])
             .or_else(|| of_cells("distractor", a.distractor[row], b.distractor[row]))
             .or_else(of_rewards)
-            .map(|fact| format!("{fact} at step {} of episode {}", a.step[row], a.episode[row]))
+            .map(|fact| format!("{fact} at {}", key(a, row)))
     };
     (0..a.len()).find_map(of_row)
 }
@@ -303,7 +307,12 @@ mod tests {
             difference(&latents(), &other)
         };
         assert_eq!(of(&|_| {}), None);
-        assert_eq!(of(&|l| l.step[2] = 7), Some("3 and 3".into()));
+        assert_eq!(
+            of(&|l| l.step[2] = 7),
+            Some("row 2, counted from 0, is step 0 of episode 1 and step 7 of episode 1".into())
+        );
+        let shorter = Latents { episode: vec![0, 0], step: vec![0, 1], ..latents() };
+        assert_eq!(difference(&latents(), &shorter), Some("3 and 2".into()));
         assert_eq!(of(&|l| l.state[1] = Some(1)), Some("state 0 and 1 at step 1 of episode 0".into()));
         assert_eq!(of(&|l| l.distractor[0] = Some(0)), Some("distractor 2 and 0 at step 0 of episode 0".into()));
         assert_eq!(of(&|l| l.reward[2] = Some(0.25)), Some("reward 1 and 0.25 at step 0 of episode 1".into()));

@@ -91,7 +91,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     output::write_json(&path, &document)?;
     outcome.files.push(path);
     outcome.json = document;
-    outcome.remarks = remarks(&runs, &metrics, &curves);
+    outcome.remarks = remarks(&runs, &groups, &metrics, &curves);
     outcome.remarks.extend(gap_notes(&runs, metrics.iter().chain(&tabled)));
     // Behind the numbers: figures of very many runs are too large to draw.
     if curves.is_empty() {
@@ -139,12 +139,14 @@ fn save_table(outcome: &mut Outcome, table: Table, out: &Path) -> anyhow::Result
 }
 
 /// What must be known of the runs and of their curves, a sentence each.
-fn remarks(runs: &[Run], metrics: &[Metric], curves: &[Shown<'_>]) -> Vec<String> {
+fn remarks(runs: &[Run], groups: &Groups, metrics: &[Metric], curves: &[Shown<'_>]) -> Vec<String> {
     let mut remarks: Vec<String> = runs.iter().flat_map(Run::remarks).collect();
-    for metric in metrics.iter().filter(|metric| !curves.iter().any(|shown| shown.metric.name == metric.name)) {
+    let (drawn, others): (Vec<&Metric>, Vec<&Metric>) =
+        metrics.iter().partition(|metric| curves.iter().any(|shown| shown.metric.name == metric.name));
+    for metric in others {
         remarks.push(format!("{} was measured at the end alone and has no curve; it stands in the table", metric.name));
     }
-    remarks.extend(curves.iter().flat_map(Shown::lacking));
+    remarks.extend(drawn.into_iter().flat_map(|metric| groups::lacking(runs, groups, metric)));
     let broken: usize = runs.iter().map(|r| r.broken_lines).sum();
     if broken > 0 {
         remarks.push(format!("{broken} lines of metrics could not be read and were left out"));

@@ -113,6 +113,9 @@ const SHOWN: usize = 40;
 const SHOWN_DEEP: usize = 40;
 
 pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcome> {
+    if options.k == 0 {
+        return Err(wrong("--k is 0, at least 1 is needed"));
+    }
     let given = json!({
         "queries": options.queries, "rows": options.rows.iter().map(|r| [r.episode, r.step]).collect::<Vec<_>>(), "k": options.k,
         "metric": options.metric.name(), "select": format!("{:?}", options.select).to_lowercase(),
@@ -160,13 +163,8 @@ fn state_error_of(
 
 /// The rows to query, by index: those named, or drawn.
 fn choose(options: &Options, session: &mut Session) -> anyhow::Result<Vec<usize>> {
-    let table = session.table()?;
     if !options.rows.is_empty() {
-        let find = |key: &RowKey| {
-            let missing = || wrong(format!("no row {}:{} in {}", key.episode, key.step, session.path.display()));
-            table.find(key.episode, key.step).ok_or_else(missing)
-        };
-        return options.rows.iter().map(find).collect();
+        return named(&options.rows, session);
     }
     let mut rng = session.rng();
     let rows = session.latents.len();
@@ -182,6 +180,34 @@ fn choose(options: &Options, session: &mut Session) -> anyhow::Result<Vec<usize>
         session.remark(format!("only {} queries could be drawn, {} were asked for", chosen.len(), options.queries));
     }
     Ok(chosen)
+}
+
+/// The rows of these keys, each once: a row that is asked for twice would count twice.
+fn named(keys: &[RowKey], session: &mut Session) -> anyhow::Result<Vec<usize>> {
+    let (once, repeated) = once(keys);
+    let table = session.table()?;
+    let find = |key: &RowKey| {
+        let missing = || wrong(format!("no row {}:{} in {}", key.episode, key.step, session.path.display()));
+        table.find(key.episode, key.step).ok_or_else(missing)
+    };
+    let found = once.iter().map(find).collect::<anyhow::Result<Vec<_>>>()?;
+    if !repeated.is_empty() {
+        let repeated: Vec<String> = repeated.iter().map(|key| format!("{}:{}", key.episode, key.step)).collect();
+        session.remark(format!("--rows names these more than once, and they count once: {}", repeated.join(", ")));
+    }
+    Ok(found)
+}
+
+/// The different keys in their order, and those that occur again.
+fn once(keys: &[RowKey]) -> (Vec<RowKey>, Vec<RowKey>) {
+    let (mut once, mut repeated) = (Vec::new(), Vec::new());
+    for key in keys {
+        let list = if once.contains(key) { &mut repeated } else { &mut once };
+        if !list.contains(key) {
+            list.push(*key);
+        }
+    }
+    (once, repeated)
 }
 
 /// Half the queries of high reward, half of low; if there are too few of one kind, more of the other.
@@ -350,6 +376,14 @@ fn draw(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_row_that_is_named_again_counts_once() {
+        let key = |episode, step| RowKey { episode, step };
+        let (kept, repeated) = once(&[key(0, 1), key(2, 3), key(0, 1), key(0, 1), key(1, 0)]);
+        assert_eq!(kept, [key(0, 1), key(2, 3), key(1, 0)]);
+        assert_eq!(repeated, [key(0, 1)]);
+    }
 
     #[test]
     fn rewards_are_high_from_half_the_largest_on_and_costs_from_their_middle() {

@@ -115,6 +115,9 @@ fn read_some(path: &Path, asked: &Asked, keys: Option<RowKeys<'_>>) -> Result<(R
     let rest = lists.iter().filter(|list| !names.contains(list));
     let all: Vec<String> = names.iter().chain(rest).cloned().collect();
     let (mut frame, mut remarks) = (file.read(&all)?, Vec::new());
+    if frame.height() == 0 {
+        return Err(InputError::NoRows { path: path.into() });
+    }
     if file.is_keyless_array() {
         match keys {
             Some(keys) => key_rows(&mut frame, keys, path)?,

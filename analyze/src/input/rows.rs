@@ -2,9 +2,9 @@
 //!
 //! In: the text. Out: a polars expression and the columns it needs. The language is that of SQL's `WHERE` without functions: columns, numbers,
 //! 'texts', `true`, `false`; `+ - * / %`; `= == != <> < <= > >=`, `in (…)`, `is null`, `is not null`; `and`, `or`, `not`; parentheses. A column whose
-//! name is no word is written in "double quotes".
+//! name is no word is written in "double quotes". What is not a number is null, in a column as in what `/` and `%` make.
 
-use polars::prelude::{DataType, Expr, col, lit};
+use polars::prelude::{Column, DataType, Expr, PolarsResult, col, lit};
 
 /// Rows chosen by an expression.
 #[derive(Clone, Debug)]
@@ -216,8 +216,8 @@ impl Parser {
             left = match sign {
                 "*" => left * right,
                 // As everywhere else in numbers: whole ones would lose their fraction.
-                "/" => left.strict_cast(DataType::Float64) / right,
-                _ => left % right,
+                "/" => known(left.strict_cast(DataType::Float64) / right),
+                _ => known(left % right),
             };
         }
         Ok(left)
@@ -244,7 +244,7 @@ impl Parser {
                 if !self.columns.contains(&name) {
                     self.columns.push(name.clone());
                 }
-                col(name)
+                known(col(name))
             }
             Token::Text(text) => lit(text),
             Token::Number(number) if number.fract() == 0.0 && number.abs() < 9e15 => lit(number as i64),
@@ -252,6 +252,21 @@ impl Parser {
             Token::Sign(sign) => return Err(format!("{sign} where a value is expected")),
         })
     }
+}
+
+/// The same without what is not a number, which polars takes as larger than every number.
+fn known(expression: Expr) -> Expr {
+    expression.map(without_nan, |_, field| Ok(field.clone()))
+}
+
+/// A column with nothing in the place of NaN; others than of floats as they are.
+fn without_nan(column: Column) -> PolarsResult<Column> {
+    if !column.dtype().is_float() {
+        return Ok(column);
+    }
+    let wide = column.cast(&DataType::Float64)?;
+    let values: Vec<Option<f64>> = wide.f64()?.iter().map(|value| value.filter(|value| !value.is_nan())).collect();
+    Column::new(column.name().clone(), values).cast(column.dtype())
 }
 
 #[cfg(test)]
@@ -287,6 +302,26 @@ mod tests {
             (vec![2], vec![1]),
             "halves of whole numbers are halves"
         );
+    }
+
+    /// Polars takes NaN as larger than every number, and as no null.
+    #[test]
+    fn what_is_not_a_number_is_null() {
+        let none = f64::NAN;
+        let frame =
+            df!("step" => [0, 1, 2, 3], "height" => [1.0, none, -1.0, 0.0], "single" => [0.1_f32, f32::NAN, 2.0, 0.0])
+                .expect("frame");
+        let rows = |text: &str| {
+            let parsed: Rows = text.parse().expect(text);
+            let kept = frame.clone().lazy().filter(parsed.expression).collect().expect(text);
+            kept.column("step").expect("step").i32().expect("integers").into_no_null_iter().collect::<Vec<i32>>()
+        };
+        assert_eq!((rows("height > 0"), rows("single >= 0.1")), (vec![0], vec![0, 2]));
+        assert_eq!((rows("height is null"), rows("single is null")), (vec![1], vec![1]));
+        assert_eq!(rows("not (height <= 0)"), [0]);
+        assert_eq!(rows("height / height > 0"), [0, 2], "0 / 0 is no number");
+        assert_eq!(rows("height % 0.0 is null"), [0, 1, 2, 3]);
+        assert_eq!(rows("height / step is null"), [1], "-1 / 2 and 1 / 0 are something");
     }
 
     /// Only what stands inside something else is nested.

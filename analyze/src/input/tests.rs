@@ -235,6 +235,18 @@ fn empty_and_nan_cells_of_a_csv_are_numbers_that_are_missing() {
     assert!(read.reward[..2].iter().all(|reward| reward.is_none_or(f32::is_nan)) && read.reward[2] == Some(-2.5));
 }
 
+/// Without rows a column has no type, which is no fault of the column.
+#[test]
+fn a_table_without_rows_says_so() {
+    let dir = tempfile::tempdir().expect("folder");
+    for columns in ["episode,step,latent", "episode,step,latent_0,latent_1"] {
+        let path = dir.path().join("latents.csv");
+        std::fs::write(&path, format!("{columns}\n")).expect("CSV");
+        let fault = read_latents(&path).expect_err("no rows").to_string();
+        assert!(fault.contains("the table has no rows") && fault.contains("latents.csv"), "{fault}");
+    }
+}
+
 #[test]
 fn a_column_that_is_a_row_short_is_an_error_in_every_format() {
     let dir = tempfile::tempdir().expect("folder");

@@ -107,8 +107,8 @@ impl LiveMap {
             "alive": keys(&self.alive), "near": keys(&self.near), "distance": numbers(&mut self.distance.iter().copied()),
             "framed": keys(&self.framed),
         });
-        // In a script element only "</" could end the element.
-        let document = document.to_string().replace("</", "<\\/");
+        // In a script element "</script" would end it, and "<!--<script" would hide its end: in JSON a "<" stands within texts alone.
+        let document = document.to_string().replace('<', "\\u003c");
         let _ = writeln!(data, "<script type=\"application/json\" data-map=\"{id}\">{document}</script>");
         for (number, sheet) in sheets.iter().enumerate() {
             let sheet = STANDARD.encode(sheet);

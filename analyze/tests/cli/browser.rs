@@ -1,6 +1,6 @@
 //! A headless Chromium that opens a page, clicks, drags, types and reads, over Chromium's own debugging pipe: no driver and no network.
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -13,19 +13,39 @@ use serde_json::{Value, json};
 /// see the folders of the tests.
 const PROGRAMS: [&str; 3] = ["google-chrome", "chromium", "chromium-browser"];
 
-/// The program that `CHROMIUM=` names, or the first that runs: on Ubuntu a program of that name may be there that only asks for a snap.
+/// The program that `CHROMIUM=` names, or the first that runs and is no snap: the same check as in setup/browser.sh.
 fn program() -> OsString {
     let programs = match std::env::var_os("CHROMIUM").filter(|named| !named.is_empty()) {
         Some(named) => vec![named],
-        None => Vec::from(PROGRAMS.map(OsString::from)),
+        None => PROGRAMS.map(OsString::from).into_iter().filter(|program| !is_snap(program)).collect(),
     };
     let runs = |program: &OsString| {
         Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
     };
     let found = programs.iter().find(|program| runs(program)).cloned();
     found.unwrap_or_else(|| {
-        panic!("Chromium is needed for this test, and none of {programs:?} runs; see setup/browser.sh")
+        panic!("a Chromium that is no snap is needed for this test, and none of {PROGRAMS:?} or CHROMIUM= is one that runs; see setup/browser.sh")
     })
+}
+
+/// Whether a program is a snap, or a script that runs one, as Ubuntu's package is.
+fn is_snap(program: &OsStr) -> bool {
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    let found = std::env::split_paths(&folders).map(|folder| folder.join(program)).find(|path| path.is_file());
+    let Some(path) = found.and_then(|path| path.canonicalize().ok()) else { return false };
+    let runs_snap = || std::fs::read_to_string(&path).is_ok_and(|script| script.contains("/snap/bin"));
+    path.starts_with("/snap") || path.ends_with("snap") || runs_snap()
+}
+
+#[test]
+fn a_script_that_runs_a_snap_is_not_taken_for_a_browser() {
+    let folder = tempfile::tempdir().expect("folder");
+    let program = folder.path().join("chromium-browser");
+    for (script, snap) in [("#!/bin/sh\nexec /snap/bin/chromium \"$@\"\n", true), ("#!/bin/sh\nexec chrome\n", false)] {
+        std::fs::write(&program, script).expect("script");
+        assert_eq!(is_snap(program.as_os_str()), snap, "{script}");
+    }
+    assert!(!is_snap(OsStr::new("a-program-that-is-not-there")));
 }
 
 /// An open page.

@@ -4,6 +4,7 @@
 //! distractor trajectory. What is left out asks nothing and is nobody's neighbour: the next nearest row takes its place, since other trajectories would have brought other
 //! neighbours. A query of whose neighbours none is left out has the same ones as before.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
@@ -28,14 +29,14 @@ pub(super) fn neighbours(
         let over =
             |rows: &mut dyn Iterator<Item = usize>| mean(&rows.map(|other| apart(row, other)).collect::<Vec<_>>());
         let allowed = (0..label.len()).filter(|&other| label[other] != label[row]);
-        let candidates: Vec<(f64, usize)> = allowed.map(|other| (space.distance(row, other), other)).collect();
+        let ranked = Ranked::of(allowed.map(|other| (space.distance(row, other), other)).collect(), found.k());
         let mut without = BTreeMap::new();
         for (kind, number) in near.iter().flat_map(|&other| of_row(trajectories, other as usize)) {
             if own.contains(&(kind, number)) || without.contains_key(&(kind, number)) {
                 continue;
             }
             let is_left = |other: usize| trajectories.of_row(other)[kind] != Some(number);
-            let left = nearest(candidates.iter().copied().filter(|other| is_left(other.1)), found.k());
+            let left = ranked.left(found.k(), is_left);
             without.insert((kind, number), left.map_or(f64::NAN, |left| over(&mut left.into_iter())));
         }
         Part { own, whole: over(&mut near.iter().map(|&other| other as usize)), without }
@@ -44,13 +45,52 @@ pub(super) fn neighbours(
     each(trajectories, |out| mean(&parts.iter().filter_map(|part| part.left(out)).collect::<Vec<_>>()))
 }
 
+/// A row with its distance from a query.
+type Candidate = (f64, usize);
+
+/// The nearer first, equals by their row.
+fn by_distance(a: &Candidate, b: &Candidate) -> Ordering {
+    a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
+}
+
+/// Nearest rows that are sorted beside the neighbours: what takes the place of those that are left out is nearly always among them.
+const SPARE: usize = 300;
+
+/// The rows that may be a query's neighbours, the nearest of them in order.
+struct Ranked {
+    first: Vec<Candidate>,
+    /// The others, in any order.
+    rest: Vec<Candidate>,
+}
+
+impl Ranked {
+    fn of(mut candidates: Vec<Candidate>, k: usize) -> Self {
+        let sorted = candidates.len().min(k + SPARE);
+        if sorted < candidates.len() {
+            candidates.select_nth_unstable_by(sorted, by_distance);
+        }
+        let rest = candidates.split_off(sorted);
+        candidates.sort_unstable_by(by_distance);
+        Self { first: candidates, rest }
+    }
+
+    /// The `k` nearest of those that are left, in any order; none if there are fewer.
+    fn left(&self, k: usize, is_left: impl Fn(usize) -> bool) -> Option<Vec<usize>> {
+        let near = self.first.iter().map(|near| near.1).filter(|&row| is_left(row)).take(k).collect::<Vec<usize>>();
+        if near.len() == k {
+            return Some(near);
+        }
+        nearest(self.first.iter().chain(&self.rest).copied().filter(|other| is_left(other.1)), k)
+    }
+}
+
 /// The `k` nearest of some rows, in any order; none if there are fewer.
-fn nearest(candidates: impl Iterator<Item = (f64, usize)>, k: usize) -> Option<Vec<usize>> {
-    let mut left: Vec<(f64, usize)> = candidates.collect();
+fn nearest(candidates: impl Iterator<Item = Candidate>, k: usize) -> Option<Vec<usize>> {
+    let mut left: Vec<Candidate> = candidates.collect();
     if k == 0 || left.len() < k {
         return None;
     }
-    left.select_nth_unstable_by(k - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    left.select_nth_unstable_by(k - 1, by_distance);
     Some(left[..k].iter().map(|near| near.1).collect())
 }
 
@@ -133,6 +173,25 @@ mod tests {
                 assert!((value - wanted).abs() < 1e-12, "{value} and {wanted} without {out} of kind {kind}");
             }
         }
+    }
+
+    /// Rows as far as their number, in falling order, with two that are equally far: beyond those that are sorted too.
+    #[test]
+    fn the_nearest_that_are_left_are_found_among_all_rows() {
+        let last = 3 * SPARE;
+        let ranked = Ranked::of((0..=last).rev().map(|row| (row.max(1) as f64, row)).collect(), 3);
+        assert_eq!((ranked.first.len(), ranked.rest.len()), (SPARE + 3, 2 * SPARE - 2));
+        let left = |is_left: &dyn Fn(usize) -> bool| {
+            ranked.left(3, is_left).map(|mut rows| {
+                rows.sort_unstable();
+                rows
+            })
+        };
+        assert_eq!(left(&|_| true), Some(vec![0, 1, 2]));
+        assert_eq!(left(&|row| row != 1), Some(vec![0, 2, 3]));
+        assert_eq!(left(&|row| row == 0 || row > 2 * SPARE), Some(vec![0, 2 * SPARE + 1, 2 * SPARE + 2]));
+        assert_eq!(left(&|row| row + 2 >= last), Some(vec![last - 2, last - 1, last]));
+        assert_eq!(left(&|row| row + 1 >= last), None);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::{Match, Matches, ReacherState, Symmetry, SymmetryOptions, alike, matches, rotated_pairs, symmetry};
-use crate::intervals::{Interval, Range, crossed};
+use crate::intervals::{Interval, Range, crossed, jackknife};
 use crate::{Error, Table};
 
 /// One number of a comparison.
@@ -135,6 +135,18 @@ fn what_knows_the_distance_alone_tells_no_found_twin_from_rows_of_its_distance()
     assert!(found.ratio.estimate > 0.0, "a found twin is no exact rotation");
 }
 
+/// The numbers of the pairs and of the drawn rows that are left.
+fn of_rows(table: &Table<'_>, drawn: &Matches, is_left: &dyn Fn(usize) -> bool) -> Symmetry {
+    let options = SymmetryOptions::default();
+    let left = |pair: &Match| {
+        let images: Vec<(usize, f64)> = pair.images.iter().copied().filter(|image| is_left(image.0)).collect();
+        let equal = pair.equal.iter().copied().filter(|&other| is_left(other)).collect();
+        Match { alike: alike(images.clone(), pair.image, options.matched), images, equal, ..pair.clone() }
+    };
+    let pairs = drawn.pairs.iter().filter(|pair| is_left(pair.row)).map(left).collect();
+    symmetry(table, &Matches { pairs }, options, &mut ChaCha8Rng::seed_from_u64(0)).unwrap()
+}
+
 /// Latents of noise on a grid of 4 states under 3 distractors, 5 steps each, and of the same rows turned.
 #[test]
 fn the_intervals_leave_out_trajectories_with_their_pairs_and_as_what_others_are_compared_with() {
@@ -148,16 +160,8 @@ fn the_intervals_leave_out_trajectories_with_their_pairs_and_as_what_others_are_
     let picture = |a: usize, b: usize| f64::from((latents[a] - latents[b]).abs());
     let drawn = matches(&table, &states()[..rows], &pairs, picture, options, &mut rng).unwrap();
     let found = symmetry(&table, &drawn, options, &mut rng).unwrap();
-    let without = |kind: usize, out: u32| {
-        let is_left = |row: usize| [state[row], distractor[row]][kind] != Some(out);
-        let left = |pair: &Match| {
-            let images: Vec<(usize, f64)> = pair.images.iter().copied().filter(|image| is_left(image.0)).collect();
-            let equal = pair.equal.iter().copied().filter(|&other| is_left(other)).collect();
-            Match { alike: alike(images.clone(), pair.image, options.matched), images, equal, ..pair.clone() }
-        };
-        let pairs = drawn.pairs.iter().filter(|pair| is_left(pair.row)).map(left).collect();
-        symmetry(&table, &Matches { pairs }, options, &mut ChaCha8Rng::seed_from_u64(0)).unwrap()
-    };
+    let without =
+        |kind: usize, out: u32| of_rows(&table, &drawn, &|row| [state[row], distractor[row]][kind] != Some(out));
     let by_state: Vec<Symmetry> = (0..4).map(|out| without(0, out)).collect();
     let by_distractor: Vec<Symmetry> = (0..3).map(|out| without(1, out)).collect();
     let numbers: [(Number, Range); 3] = [
@@ -170,6 +174,31 @@ fn the_intervals_leave_out_trajectories_with_their_pairs_and_as_what_others_are_
         let (found, values) = (number(&found), [estimates(&by_state), estimates(&by_distractor)]);
         let wanted = crossed(found.estimate, [&values[0], &values[1]], range);
         assert!(found.low < found.estimate && found.estimate < found.high, "{found:?}");
+        let off = (found.low - wanted.low).abs().max((found.high - wanted.high).abs());
+        assert!(off < 1e-9, "{found:?} and {wanted:?}");
+    }
+}
+
+/// 12 episodes of noise on no grid, 5 steps each, and after them the same turned, under numbers of their own.
+#[test]
+fn a_made_twin_is_left_out_with_its_origin() {
+    let (rows, options, mut rng) = (120, SymmetryOptions::default(), ChaCha8Rng::seed_from_u64(5));
+    let latents: Vec<f32> = (0..2 * rows).map(|_| rng.random_range(-1.0..1.0)).collect();
+    let (episode, step): (Vec<u32>, Vec<u32>) = (0..rows as u32).map(|row| (row / 5, row % 5)).unzip();
+    let origin: Vec<u32> = episode.iter().map(|episode| episode % 12).collect();
+    let doubled = Table::new(2, &latents, &episode, &step).unwrap();
+    let table = doubled.with_origin(&origin).unwrap();
+    assert_eq!((doubled.trajectories().counts(), table.trajectories().counts()), ([24, 0], [12, 0]));
+    let pairs: Vec<(usize, usize)> = (0..rows / 2).map(|row| (row, row + rows / 2)).collect();
+    let picture = |a: usize, b: usize| f64::from((latents[a] - latents[b]).abs());
+    let drawn = matches(&table, &states()[..rows], &pairs, picture, options, &mut rng).unwrap();
+    let found = symmetry(&table, &drawn, options, &mut rng).unwrap();
+    let numbers: [(Number, Range); 2] =
+        [(|found| found.ratio, Range::Distance), (|found| found.percentile, Range::Counted)];
+    for (number, range) in numbers {
+        let without = |out: u32| number(&of_rows(&table, &drawn, &|row| origin[row] != out)).estimate;
+        let (found, values) = (number(&found), (0..12).map(without).collect::<Vec<f64>>());
+        let wanted = jackknife(found.estimate, &[&values], range);
         let off = (found.low - wanted.low).abs().max((found.high - wanted.high).abs());
         assert!(off < 1e-9, "{found:?} and {wanted:?}");
     }

@@ -33,6 +33,12 @@ impl Groups {
         }
         Self { of_runs, names }
     }
+
+    /// The runs of a group that are of a task, where there are several.
+    fn members<'r>(&self, runs: &'r [Run], group: &str, task: Option<&str>) -> Vec<&'r Run> {
+        let members = runs.iter().zip(&self.of_runs).filter(|(run, of)| *of == group && is_of(run, task));
+        members.map(|(run, _)| run).collect()
+    }
 }
 
 fn of_runs(by: By, runs: &[Run]) -> Vec<String> {
@@ -58,16 +64,27 @@ impl Shown<'_> {
     pub(super) fn title(&self) -> String {
         title(self.metric, self.task.as_deref())
     }
+}
 
-    /// Which groups' curves are of fewer runs than the group has: those that lack the metric are left out.
-    pub(super) fn lacking(&self) -> Vec<String> {
-        let fact = |curve: &GroupCurve| {
-            let (lack, all) = (curve.all - curve.runs, curve.all);
-            let (title, group) = (self.title(), &curve.group);
-            (lack > 0).then(|| format!("{title}: {lack} of {all} runs of {group} have no such curve and are left out"))
-        };
-        self.curves.iter().filter_map(fact).collect()
+/// Which groups' curves of a metric are of fewer runs than the group has, or of none, task by task: those that lack the metric are left out.
+pub(super) fn lacking(runs: &[Run], groups: &Groups, metric: &Metric) -> Vec<String> {
+    let mut facts = Vec::new();
+    for task in tasks(runs) {
+        for group in &groups.names {
+            let members = groups.members(runs, group, task.as_deref());
+            let (all, lack) = (members.len(), members.iter().filter(|run| !has_curve(run, &metric.name)).count());
+            if lack > 0 {
+                let title = title(metric, task.as_deref());
+                facts.push(format!("{title}: {lack} of {all} runs of {group} have no such curve and are left out"));
+            }
+        }
     }
+    facts
+}
+
+/// Whether a run has a number of a metric somewhere.
+fn has_curve(run: &Run, metric: &str) -> bool {
+    run.series.get(metric).is_some_and(|series| series.iter().any(|point| point.1.is_finite()))
 }
 
 /// What a metric is called, of one task if there are several.
@@ -96,8 +113,6 @@ pub(super) struct GroupCurve {
     pub(super) group: String,
     pub(super) points: Vec<CurvePoint>,
     pub(super) runs: usize,
-    /// Runs of the group, with those that lack the metric.
-    pub(super) all: usize,
     /// What its intervals are over, if it has any.
     pub(super) over: Option<Over>,
 }
@@ -121,14 +136,12 @@ pub(super) fn shown<'m>(runs: &[Run], groups: &Groups, metrics: &'m [Metric]) ->
 
 /// The curves of one metric, group by group; groups that lack it are left out.
 fn group_curves(runs: &[Run], groups: &Groups, metric: &str, task: Option<&str>) -> anyhow::Result<Vec<GroupCurve>> {
-    let has_it = |run: &Run| run.series.get(metric).is_some_and(|series| series.iter().any(|p| p.1.is_finite()));
     let mut curves = Vec::new();
     for group in &groups.names {
-        let members = runs.iter().zip(&groups.of_runs).filter(|(run, of)| *of == group && is_of(run, task));
-        let all: Vec<&Run> = members.map(|(run, _)| run).collect();
-        let members: Vec<&Run> = all.iter().copied().filter(|run| has_it(run)).collect();
+        let mut members = groups.members(runs, group, task);
+        members.retain(|run| has_curve(run, metric));
         if !members.is_empty() {
-            curves.push(GroupCurve { all: all.len(), ..group_curve(group, &members, metric)? });
+            curves.push(group_curve(group, &members, metric)?);
         }
     }
     Ok(curves)
@@ -144,7 +157,7 @@ fn group_curve(group: &str, members: &[&Run], metric: &str) -> anyhow::Result<Gr
         [only] => own_intervals(only, metric, &mut points),
         _ => points.iter().any(|point| point.y.low.is_finite()).then_some(Over::Runs),
     };
-    Ok(GroupCurve { group: group.to_owned(), points, runs: members.len(), all: members.len(), over })
+    Ok(GroupCurve { group: group.to_owned(), points, runs: members.len(), over })
 }
 
 /// Gives the points of a single run the intervals that its evaluations hold, and says what these are over.

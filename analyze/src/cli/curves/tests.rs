@@ -143,6 +143,21 @@ fn what_curves_lack_and_what_gaps_are_worth_is_said_beside_them() {
     assert!(of_gap.contains("a after 500, b after 200") && of_gap.contains("below 0 the critic overfits"), "{of_gap}");
 }
 
+/// A group that has no curve at all is missing from the figure, which says nothing of it.
+#[test]
+fn a_group_of_which_no_run_has_a_curve_is_named() {
+    let home = tempfile::tempdir().expect("folder");
+    let of = |name: &str, objective: &str| write(home.path(), name, (objective, "reacher"), 1.0);
+    let runs = vec![of("a", "vibes"), of("b", "vibes"), of("c", "dreamer"), of("d", "dreamer")];
+    evaluate(&runs[0], 1.0);
+    evaluate(&runs[1], 2.0);
+    let metrics = vec![HELD_OUT_RETURN.to_string()];
+    let options = Options { metrics, ..Options::of(runs, &home.path().join("figures"), None) };
+    let said = run(&options, &Globals { quiet: true, ..Globals::default() }).expect("curves").remarks.join("\n");
+    let lacking = "return, held-out videos: 2 of 2 runs of dreamer have no such curve and are left out";
+    assert!(said.contains(lacking) && !said.contains("of vibes have"), "{said}");
+}
+
 #[test]
 fn many_groups_stand_below_each_other_and_numbers_keep_their_form() {
     let home = tempfile::tempdir().expect("folder");

@@ -25,8 +25,8 @@ pub(super) struct Rows {
     /// The recording of the own rows, and that of the rotated ones.
     frames: Vec<Frames>,
     own: usize,
-    /// What is added to the episode numbers of rotated rows.
-    shift: u32,
+    /// The episode of each row in its own recording: that of a rotated row is the one that it was made of.
+    origin: Vec<u32>,
 }
 
 /// Latents of rotated rows, with their recording and the state that each shows.
@@ -39,7 +39,7 @@ struct Turned {
 impl Rows {
     /// Own rows alone.
     pub(super) fn new(latents: Latents, frames: Frames) -> Self {
-        Self { own: latents.len(), latents, frames: vec![frames], shift: 0 }
+        Self { own: latents.len(), origin: latents.episode.clone(), latents, frames: vec![frames] }
     }
 
     pub(super) fn table(&self) -> Result<Table<'_>, vibes_measure::Error> {
@@ -49,7 +49,7 @@ impl Rows {
     /// Other features of the same rows.
     pub(super) fn table_of<'a>(&'a self, dims: usize, values: &'a [f32]) -> Result<Table<'a>, vibes_measure::Error> {
         let l = &self.latents;
-        Table::new(dims, values, &l.episode, &l.step)?.with_grid(&l.state, &l.distractor)
+        Table::new(dims, values, &l.episode, &l.step)?.with_grid(&l.state, &l.distractor)?.with_origin(&self.origin)
     }
 
     /// Features of past actions of all rows, with their dimensions.
@@ -73,8 +73,7 @@ impl Rows {
 
     /// The row key in its own recording.
     pub(super) fn key(&self, row: usize) -> [u32; 2] {
-        let shift = if self.is_rotated(row) { self.shift } else { 0 };
-        [self.latents.episode[row] - shift, self.latents.step[row]]
+        [self.origin[row], self.latents.step[row]]
     }
 
     pub(super) fn frames(&self, row: usize) -> &Frames {
@@ -118,7 +117,8 @@ impl Rows {
         let drawn = sample(rng, pairs.len(), pairs.len().min(options.pairs)).into_iter().map(|at| pairs[at]);
         let pairs = drawn.map(|(row, turned)| (row, self.own + turned)).collect();
         all_states.extend(&turned.states);
-        self.append(turned, path)?;
+        self.append(&turned.latents, path)?;
+        self.frames.push(turned.frames);
         Ok((pairs, remarks))
     }
 
@@ -140,8 +140,9 @@ impl Rows {
         Ok(pairs)
     }
 
-    fn append(&mut self, turned: Turned, path: &Path) -> anyhow::Result<()> {
-        let (l, more) = (&mut self.latents, turned.latents);
+    /// Adds rows under episode numbers of their own, as views of the episodes of the same numbers.
+    fn append(&mut self, more: &Latents, path: &Path) -> anyhow::Result<()> {
+        let l = &mut self.latents;
         let shift = shift(&l.episode, &more.episode).ok_or_else(|| {
             wrong(format!(
                 "episodes of rotated latents are counted on from the last of the others, which goes beyond {} here; give both smaller episode numbers: {}",
@@ -154,8 +155,7 @@ impl Rows {
         l.state.extend(&more.state);
         l.distractor.extend(&more.distractor);
         l.latent.extend(&more.latent);
-        self.frames.push(turned.frames);
-        self.shift = shift;
+        self.origin.extend(&more.episode);
         Ok(())
     }
 }
@@ -180,7 +180,7 @@ fn shift(own: &[u32], rotated: &[u32]) -> Option<u32> {
 
 #[cfg(test)]
 mod tests {
-    use super::shift;
+    use super::*;
 
     #[test]
     fn rotated_episodes_follow_the_own_ones_or_have_no_room() {
@@ -190,5 +190,26 @@ mod tests {
         assert_eq!(shift(&[u32::MAX - 1], &[1]), None);
         assert_eq!(shift(&[0], &[u32::MAX]), None);
         assert_eq!(shift(&[u32::MAX], &[0]), None);
+    }
+
+    /// Without cells an episode is a trajectory, and its twin is the same one turned.
+    #[test]
+    fn twins_are_no_trajectories_of_their_own() {
+        let none = vec![None; 4];
+        let latents = Latents {
+            episode: vec![3, 3, 5, 8],
+            step: vec![0, 1, 0, 0],
+            state: none.clone(),
+            distractor: none,
+            latent: vec![0.0, 1.0, 2.0, 3.0],
+            dims: 1,
+            ..Latents::default()
+        };
+        let (own, origin) = (latents.len(), latents.episode.clone());
+        let mut rows = Rows { latents: latents.clone(), frames: Vec::new(), own, origin };
+        rows.append(&latents, Path::new("turned.arrow")).expect("room");
+        assert_eq!(rows.latents.episode, [3, 3, 5, 8, 12, 12, 14, 17]);
+        assert_eq!((rows.key(1), rows.key(5)), ([3, 1], [3, 1]));
+        assert_eq!(rows.table().expect("table").trajectories().counts(), [3, 0]);
     }
 }
