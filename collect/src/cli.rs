@@ -18,6 +18,7 @@ mod replay_distractors;
 mod show;
 mod split;
 mod verify;
+mod videos;
 
 use std::process::ExitCode;
 

@@ -78,6 +78,22 @@ pub enum Error {
     /// Somebody asked to stop while a folder was made.
     #[error("stopped; nothing is left behind, and the same command begins anew")]
     Stopped,
+    /// The simulator refused a step of a trace or of a recorded episode.
+    #[error("control step {step}: {cause}")]
+    AtStep {
+        /// The step, from 0.
+        step: usize,
+        /// What it said.
+        cause: Box<Self>,
+    },
+    /// The simulator refused what a file holds.
+    #[error("{cause}: {path}")]
+    InFile {
+        /// What it said.
+        cause: Box<Self>,
+        /// The file.
+        path: PathBuf,
+    },
     /// The simulation, a policy, a video or the renderer refused.
     #[error(transparent)]
     World(#[from] vibes_env::Error),
@@ -89,17 +105,42 @@ impl Error {
         move |cause| Self::Io { action, cause, path }
     }
 
-    /// The same where a file names the task: that it is not known is then no fault of what was typed.
+    /// The same of one control step, from 0.
+    pub(crate) fn at_step(self, step: usize) -> Self {
+        Self::AtStep { step, cause: Box::new(self) }
+    }
+
+    /// The same where a file names the task, or holds what the simulator refuses: that is then no fault of what was typed. What names a file already stays.
     pub(crate) fn in_file(self, path: &Path) -> Self {
+        use vibes_env::Error as World;
         match self {
-            Self::World(vibes_env::Error::UnknownTask { name, known }) => {
+            Self::World(World::UnknownTask { name, known }) => {
                 Self::malformed(path, format!("unknown task {name}"), format!("the tasks are {known}"))
             }
+            refused @ (Self::AtStep { .. }
+            | Self::World(
+                World::Length { .. } | World::Override { .. } | World::UnknownObject { .. } | World::Unstable { .. },
+            )) => Self::InFile { cause: Box::new(refused), path: path.into() },
             other => other,
         }
     }
 
     pub(crate) fn malformed(path: impl Into<PathBuf>, fact: impl Into<String>, expected: impl Into<String>) -> Self {
         Self::Malformed { fact: fact.into(), expected: expected.into(), path: path.into() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_simulator_refuses_names_the_step_and_the_file_and_a_file_is_named_once() {
+        let length = || vibes_env::Error::Length { what: "an action", found: 3, expected: 2, task: "t".to_owned() };
+        let said = Error::from(length()).at_step(7).in_file(Path::new("a.json")).to_string();
+        assert_eq!(said, "control step 7: an action has 3 numbers; the task t has 2: a.json");
+        assert!(Error::from(length()).in_file(Path::new("a.json")).to_string().ends_with(": a.json"));
+        let named = Error::malformed("b.json", "a fact", "what is right").in_file(Path::new("a.json")).to_string();
+        assert_eq!(named, "a fact; what is right: b.json");
     }
 }

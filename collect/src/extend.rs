@@ -17,12 +17,13 @@ use vibes_data::{FolderLock, Grid, Manifest, Recording};
 use crate::keys::SUBSET;
 use crate::paths::rebase;
 use crate::plan::RecordOptions;
+use crate::played::check_files;
 use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, record};
 use crate::sound::{unplanned, unplanned_in_words};
 use crate::stored::{has_logs, options_of};
 use crate::trained::{acted_by, as_named};
 use crate::{Error, Result};
-use vibes_env::{PolicyMix, PolicySpec};
+use vibes_env::PolicySpec;
 
 /// How large a recording is to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -173,11 +174,11 @@ fn check(recording: &Recording, options: &RecordOptions, size: Size) -> Result<(
         return Err(Error::Shrinks { found: found.named(), asked: size.named(), path: path.into() });
     }
     let fault = |fact: String| Err(Error::NotAsPlanned { fact, path: path.into() });
-    if options.rotated.is_some() {
-        return fault("its states were turned about the origin".to_owned());
+    if let Some(fact) = drawn_anew(options) {
+        return fault(fact.to_owned());
     }
     let acted = &options.policy;
-    if acted.parse::<PolicyMix>().is_err() {
+    if options.mix().is_err() {
         let by = if acted == "python" { "from Python" } else { "by an online run or another program" };
         return fault(format!("it was recorded {by}, whose policy ({acted}) does not act here"));
     }
@@ -190,13 +191,23 @@ fn check(recording: &Recording, options: &RecordOptions, size: Size) -> Result<(
     }
 }
 
-/// Whether the trained runs that act are still those that acted: one that has learned on since would act in the new rows alone.
+/// What was done to states after they were simulated, which nobody can do to new ones.
+fn drawn_anew(options: &RecordOptions) -> Option<&'static str> {
+    if options.rotated.is_some() {
+        return Some("its states were turned about the origin");
+    }
+    let fact = "a policy acted in it by pictures under other distractors than it is drawn with now, and would see these in what is new";
+    options.redrawn.then_some(fact)
+}
+
+/// Whether the trained runs and the files of actions that act are still those that acted: a run that has learned on since, or a file that was edited, would act in the new rows alone.
 fn check_actors(recording: &Recording, options: &RecordOptions) -> Result<()> {
-    let mix: PolicyMix = options.policy.parse()?;
+    let mix = options.mix()?;
+    check_files(&mix, &options.actions, recording.path())?;
     for (policy, _) in mix.shares() {
         let PolicySpec::Run { path } = policy else { continue };
         let now = acted_by(path, &options.task)?;
-        if !options.acting.contains(&now) {
+        if !options.acting.iter().any(|acting| acting.is_same(&now)) {
             let known: Vec<&str> = options.acting.iter().map(|acting| acting.checkpoint.as_str()).collect();
             let fact = format!("{} is at checkpoint {} now, not at {}", now.run, now.checkpoint, known.join(" or "));
             return Err(Error::NotAsPlanned { fact, path: recording.path().into() });

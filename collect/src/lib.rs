@@ -15,6 +15,7 @@ mod keys;
 mod largest;
 mod paths;
 pub mod plan;
+pub mod played;
 pub mod preview;
 pub mod recorder;
 pub mod redraw;

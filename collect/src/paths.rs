@@ -52,10 +52,10 @@ fn change(options: &mut Value, videos: &dyn Fn(&Path) -> PathBuf, policies: &dyn
         *folder = videos(&path).to_string_lossy().into();
     }
     if let Some(policy) = options.get_mut("policy")
-        && let Some(mix) = policy.as_str().and_then(|text| text.parse::<PolicyMix>().ok())
+        && let Some(mix) = policy.as_str().and_then(|text| PolicyMix::written(text).ok())
     {
         let elsewhere = mix.with_paths(policies);
-        // Shares that are written once more may round once more.
+        // What stays is not worded anew.
         if elsewhere != mix {
             *policy = elsewhere.to_string().into();
         }

@@ -11,8 +11,10 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use vibes_data::{Cell, Grid, MOST_ACTION_REPEAT, MOST_EPISODES, MOST_STEPS};
 
+use crate::played::PlayedFile;
 use crate::trained::{ActedBy, Home};
 use crate::{Error, Result};
+use vibes_env::PolicyMix;
 use vibes_env::distractors::DistractorSettings;
 use vibes_env::render::{Look, MAX_SIZE};
 use vibes_env::videos::{MOST_VIDEOS, VideoSet, VideoSource};
@@ -53,12 +55,18 @@ pub struct RecordOptions {
     /// The trained runs among the policies.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub acting: Vec<ActedBy>,
+    /// The files of actions among the policies, in the order of the mix; none of a recording from before they were kept.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub actions: Vec<PlayedFile>,
     /// The protocol of the trained run that acts, where whole episodes of that run's own world are recorded: numbers of another world are not the protocol's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub protocol: Option<String>,
     /// Degrees by which the states were turned about the origin after they were simulated; see [`vibes_env::Task::rotate`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotated: Option<f64>,
+    /// Whether policies that saw pictures acted under other distractors than these: their states were drawn again under new ones.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub redrawn: bool,
 }
 
 /// One episode to be recorded.
@@ -75,6 +83,14 @@ pub struct PlannedEpisode {
 }
 
 impl RecordOptions {
+    /// The policies with their shares.
+    ///
+    /// # Errors
+    /// [`vibes_env::Error::Policy`] where they are no mix, as of what an online run or Python recorded.
+    pub fn mix(&self) -> Result<PolicyMix> {
+        Ok(PolicyMix::written(&self.policy)?)
+    }
+
     /// The episodes, by number: a grid row by row, or one distractor trajectory per state trajectory.
     pub fn episodes(&self) -> impl Iterator<Item = PlannedEpisode> + use<> {
         let grid = self.grid;
@@ -169,8 +185,10 @@ mod tests {
             look: Look::default(),
             axis_seeds: ChosenSeeds::default(),
             acting: Vec::new(),
+            actions: Vec::new(),
             protocol: None,
             rotated: None,
+            redrawn: false,
         }
     }
 

@@ -5,6 +5,7 @@
 
 mod acting;
 mod evaluate;
+mod found;
 mod queue;
 mod source;
 mod worker;
@@ -138,10 +139,10 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
         None => error,
     })?;
     // Before anything is on disk: a machine without EGL leaves no empty recording behind.
-    let stage = Stage::open(run, &environment, report)?;
+    let stage = Stage::open((run, path), &environment, report)?;
     let videos = stage.studio.videos().videos();
     // What is drawn again was acted out by whoever its recording names, which need be no mix: an online run says `random`, and Python says `python`.
-    let mix = run.source.acts().then(|| options.policy.parse::<PolicyMix>()).transpose()?;
+    let mix = run.source.acts().then(|| options.mix()).transpose()?;
     if let Some(mix) = &mix
         && run.source.recording().is_none()
         && !path.join("manifest.json").exists()
@@ -154,6 +155,7 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
         manifest.options[SUBSET] = part.clone();
     }
     run.source.check_videos(videos)?;
+    found::in_its_words(path, &mut manifest, options)?;
     let writer = RecordingWriter::create_or_resume(path, manifest, run.with_mcap)?;
     let resumed = Recording::open(path)?;
     if run.source.acts() {

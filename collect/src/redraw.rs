@@ -1,7 +1,7 @@
 //! Draws a recording again: other distractors, another size, another look, or turned about the origin, from the stored states and parameters.
 //!
-//! In: a recording and a [`Redraw`]: what is to be different. Out: another recording of the same states, which is the one that would have
-//! been recorded with those options in the first place.
+//! In: a recording and a [`Redraw`]: what is to be different. Out: another recording of the same states. It is the one that would have been recorded with those options in the first
+//! place, but for policies that saw pictures: under other distractors they would have acted otherwise, and the options then say that it was drawn again (`redrawn`).
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -14,6 +14,7 @@ use crate::stored::{has_logs, options_of};
 use crate::{Error, Result};
 use vibes_env::distractors::{Axes, Difficulty};
 use vibes_env::render::Look;
+use vibes_env::symmetric_tasks;
 use vibes_env::videos::{VideoSet, VideoSource};
 
 /// Side of the pictures of a recording that had none.
@@ -85,6 +86,19 @@ impl Redraw {
         }
     }
 
+    /// That a task can be turned, where it is to be, by however many degrees.
+    fn check_turn(&self, options: &RecordOptions, recording: &Recording) -> Result<()> {
+        if self.rotate.is_none() {
+            return Ok(());
+        }
+        let environment = options.environment().map_err(|error| error.in_file(recording.path()))?;
+        let (task, known) = (environment.name().to_owned(), symmetric_tasks());
+        if known.contains(&task.as_str()) {
+            return Ok(());
+        }
+        Err(vibes_env::Error::NoRotation { task, known: known.join(", ") }.into())
+    }
+
     /// Draws `recording` again into the folder `output`, going on with what is there of it.
     ///
     /// # Errors
@@ -100,7 +114,9 @@ impl Redraw {
             return Err(Error::malformed(output, "this is the recording itself", "name another folder with -o"));
         }
         let old = options_of(recording)?;
-        let options = self.applied(&old);
+        self.check_turn(&old, recording)?;
+        let mut options = self.applied(&old);
+        options.redrawn = old.redrawn || (sees_others(&old, &options) && was_seen(recording, &old));
         // A recording without pictures has no videos, so its backgrounds were never drawn by lot.
         let keeps_distractors = self.distractors == NewDistractors::default() && old.size.is_some();
         let run = RecordRun {
@@ -115,4 +131,22 @@ impl Redraw {
         };
         record(output, &run, report)
     }
+}
+
+/// Whether two recordings differ in what is seen of their distractors.
+fn sees_others(one: &RecordOptions, other: &RecordOptions) -> bool {
+    one.distractors != other.distractors
+        || one.videos != other.videos
+        || one.video_set != other.video_set
+        || one.video_count != other.video_count
+        || one.axis_seeds != other.axis_seeds
+}
+
+/// Whether somebody acted by pictures. Where the policies are a mix the options name those who did; what an online run or Python recorded says it row by row.
+fn was_seen(recording: &Recording, options: &RecordOptions) -> bool {
+    if options.mix().is_ok() {
+        return options.acting.iter().any(|acting| acting.pictures.is_some());
+    }
+    let mut views = recording.episodes().iter().filter_map(|entry| recording.episode(entry.index).ok());
+    views.any(|view| view.acting_distractor().is_some())
 }

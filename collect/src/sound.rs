@@ -4,7 +4,6 @@
 //! first: of a damaged episode it would make a sound one.
 
 use vibes_data::{EpisodeEntry, Recording, check_file};
-use vibes_env::PolicyMix;
 
 use crate::keys::SUBSET;
 use crate::plan::{PlannedEpisode, RecordOptions, state_seed};
@@ -32,7 +31,7 @@ pub(crate) fn mending(recording: &Recording) -> &'static str {
 pub(crate) fn planned_options(recording: &Recording) -> Option<RecordOptions> {
     let is_part = recording.manifest().options.get(SUBSET).is_some();
     let options = options_of(recording).ok().filter(|options| !is_part && options.episodes > 0)?;
-    options.policy.parse::<PolicyMix>().is_ok().then_some(options)
+    options.mix().is_ok().then_some(options)
 }
 
 /// The episodes that are not those that the recording's options plan under their numbers, by cell, seed and length; beyond the last one nothing is planned.

@@ -115,8 +115,9 @@ impl Trace {
         environment.reset_to(&self.start)?;
         let mut got = self.header(&environment);
         got.push_row(&environment);
-        for action in &self.actions {
-            got.rewards.push(environment.step(action)?);
+        for (step, action) in self.actions.iter().enumerate() {
+            let reward = environment.step(action).map_err(|error| Error::from(error).at_step(step))?;
+            got.rewards.push(reward);
             got.push_row(&environment);
         }
         Ok(got)
@@ -152,7 +153,8 @@ impl Trace {
 
     /// Takes one control step and adds it as a row, with the control that the actuators got; returns its reward.
     pub(crate) fn control_step(&mut self, environment: &mut Environment, action: &[f64]) -> Result<f64> {
-        let reward = environment.control_step(action)?;
+        let step = self.actions.len();
+        let reward = environment.control_step(action).map_err(|error| Error::from(error).at_step(step))?;
         self.actions.push(environment.physics().control().to_vec());
         self.rewards.push(reward);
         self.push_row(environment);

@@ -29,6 +29,13 @@ pub struct ActedBy {
     pub pictures: Option<RenderSettings>,
 }
 
+impl ActedBy {
+    /// Whether the other is the same actor. Names do not count: a folder is moved, or reached by a link.
+    pub fn is_same(&self, other: &Self) -> bool {
+        (&self.checkpoint, self.pictures) == (&other.checkpoint, other.pictures)
+    }
+}
+
 /// Makes a policy, trained or not, for a task.
 ///
 /// # Errors
@@ -68,7 +75,7 @@ fn named(path: &Path, task: &str, acting: &[ActedBy]) -> Result<Box<dyn Policy>>
             continue;
         }
         match load(path, &checkpoint, task)? {
-            (policy, found) if acting.contains(&found) => return Ok(policy),
+            (policy, found) if acting.iter().any(|acted| acted.is_same(&found)) => return Ok(policy),
             _ => {}
         }
     }

@@ -50,9 +50,11 @@ fn a_changed_draw_is_noticed() {
         trace.steps[10].camera_draws.velocity[1] += 1e-3;
         trace.steps[10].color_draws[3] += 1e-3;
         trace.steps[20].background.0 += 1;
+        trace.ground_alpha += 0.1;
         let comparison = in_its_world(&trace, |environment| trace.compare(environment)).unwrap();
         assert!(comparison.position > 1e-9 && comparison.color > 1e-9, "{comparison:?}");
         assert_eq!(comparison.wrong_frames, 1);
+        assert!((comparison.ground_alpha - 0.1).abs() < 1e-6, "{comparison:?}");
     }
 }
 

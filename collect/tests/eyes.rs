@@ -36,8 +36,10 @@ fn options(task: &str) -> RecordOptions {
         look: Look::Fast,
         axis_seeds: ChosenSeeds::default(),
         acting: Vec::new(),
+        actions: Vec::new(),
         protocol: None,
         rotated: None,
+        redrawn: false,
     }
 }
 

@@ -39,7 +39,7 @@ use sky::Sky;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Look {
-    /// As the suite draws: fourfold multisampling, fine shadows, the floor's mirror image, a fine sky.
+    /// As the suite draws: fine shadows, the floor's mirror image, a fine sky. Multisampling is the model's own in both looks: 4 samples, MuJoCo's default.
     Suite,
     /// Cheap and close.
     #[default]

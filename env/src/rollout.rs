@@ -59,7 +59,8 @@ pub struct EpisodeSeeds {
 }
 
 impl From<u64> for EpisodeSeeds {
-    /// The same seed for everything.
+    /// The same seed for everything. The policy's choices and the draws of the background are then one stream of one generator (stream 1 of this seed), so that whatever
+    /// wants the two independent of each other takes [`crate::ChosenSeeds::of_episode`] instead, as a recording does.
     fn from(seed: u64) -> Self {
         Self { state: seed, distractors: seed.into() }
     }

@@ -168,8 +168,10 @@ fn record_some(task: &str, pictures: RenderSettings, threads: usize, path: &Path
         look: pictures.look,
         axis_seeds: ChosenSeeds::default(),
         acting: Vec::new(),
+        actions: Vec::new(),
         protocol: None,
         rotated: None,
+        redrawn: false,
     };
     let stop = AtomicBool::new(false);
     let run = RecordRun {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use clap::Args;
 
-use super::{Outcome, OutputArgs};
+use super::{Outcome, OutputArgs, videos};
 use crate::preview::{ContactSheet, PreviewOptions};
 use vibes_env::distractors::{Difficulty, DistractorSettings};
 use vibes_env::example_tasks;
@@ -22,7 +22,7 @@ pub(super) struct PreviewArgs {
     /// Distractors keep what they are at the start of the episode.
     #[arg(long = "static")]
     r#static: bool,
-    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS; of a set as many as the difficulty uses, or all where there are fewer [default: the built-in procedural videos].
+    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS, or `procedural` for the built-in ones; of a set as many as the difficulty uses, or all where there are fewer [default: the built-in procedural videos].
     #[arg(long, value_name = "DIR")]
     videos: Option<PathBuf>,
     /// Which videos: train, or val for held-out ones.
@@ -31,7 +31,7 @@ pub(super) struct PreviewArgs {
     /// Side of each picture, pixels.
     #[arg(long, default_value_t = 128, value_parser = clap::value_parser!(u16).range(1..=1024))]
     size: u16,
-    /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite pixel by pixel.
+    /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite to half a level of 255 on average.
     #[arg(long, default_value = "fast")]
     render: Look,
     /// Seed of the episode and of the distractors.
@@ -48,7 +48,7 @@ pub(super) fn run(args: &PreviewArgs, output: OutputArgs) -> Result<Outcome> {
     let tasks: Vec<String> = if args.task.is_empty() { all() } else { args.task.clone() };
     let difficulties = if args.difficulty.is_empty() { Difficulty::ALL.to_vec() } else { args.difficulty.clone() };
     let pictures = RenderSettings { size: usize::from(args.size), look: args.render };
-    let source = args.videos.clone().map_or(VideoSource::Procedural, VideoSource::Folder);
+    let source = args.videos.as_deref().map_or(VideoSource::Procedural, videos::source);
     for task in &tasks {
         // Before there is a folder, which comes with the first sheet.
         vibes_env::Environment::new(task, vibes_env::EnvironmentOptions::default())?;

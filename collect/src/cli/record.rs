@@ -13,9 +13,10 @@ use vibes_command::{Given, stop_on_signals};
 use vibes_data::{Grid, MOST_ACTION_REPEAT, MOST_EPISODES, MOST_STEPS, Recording};
 
 use super::axis_seeds::AxisSeedArgs;
-use super::{Outcome, OutputArgs, idle, show};
+use super::{Outcome, OutputArgs, idle, show, videos};
 use crate::cut::cut_actions;
 use crate::plan::RecordOptions;
+use crate::played::played_by;
 use crate::recorder::{PolicyMaker, Progress, RecordRun, Source, cores, record};
 use crate::trained::{Home, acted_by, as_named, home};
 use said::Said;
@@ -63,7 +64,7 @@ pub(super) struct RecordArgs {
     /// Which distractors: background, camera, color, or all, or none [default: those of a trained run, or all].
     #[arg(long, value_name = "LIST")]
     distract: Option<Axes>,
-    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS; of other folders the first half is train, the second val [default: those of a trained run, or the built-in
+    /// Background videos, DIR/VIDEO/FRAME.jpg as in DAVIS, or `procedural` for the built-in ones; of other folders the first half is train, the second val [default: those of a trained run, or the built-in
     /// procedural videos].
     #[arg(long, value_name = "DIR")]
     videos: Option<PathBuf>,
@@ -79,7 +80,7 @@ pub(super) struct RecordArgs {
     /// Record no pictures, only states and vector observations.
     #[arg(long, conflicts_with_all = ["size", "render"])]
     no_pixels: bool,
-    /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite pixel by pixel [default: that of a trained run, or fast].
+    /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite to half a level of 255 on average [default: that of a trained run, or fast].
     #[arg(long)]
     render: Option<Look>,
     /// Control steps per agent step [default: those of a trained run, or the task's].
@@ -162,8 +163,10 @@ impl RecordArgs {
                     _ => None,
                 })
                 .collect::<crate::Result<_>>()?,
+            actions: played_by(&mix),
             protocol: None,
             rotated: None,
+            redrawn: false,
         };
         options.protocol = options.protocol_of(home);
         Ok(options)
@@ -207,7 +210,7 @@ impl RecordArgs {
             difficulty: self.difficulty.unwrap_or(of_run.difficulty),
             dynamic: self.dynamic || (of_run.dynamic && !self.r#static),
         };
-        let videos = self.videos.clone().map(VideoSource::Folder).or_else(|| home.videos.clone()).unwrap_or_default();
+        let videos = self.videos.as_deref().map(videos::source).or_else(|| home.videos.clone()).unwrap_or_default();
         // A number is of one folder and one difficulty.
         let is_home = self.videos.is_none() && self.difficulty.is_none();
         let video_count = self.video_count.map(usize::from).or(home.video_count.filter(|_| is_home));
@@ -282,7 +285,7 @@ pub(super) fn run(args: RecordArgs, output: OutputArgs) -> Result<Outcome> {
 /// Says what the task's bounds cut of files of actions.
 #[allow(clippy::print_stderr, reason = "what the command line warns of")]
 fn say_cut(options: &RecordOptions) -> Result<()> {
-    let mix: PolicyMix = options.policy.parse()?;
+    let mix = options.mix()?;
     if mix.shares().iter().any(|(policy, _)| matches!(policy, PolicySpec::Actions { .. })) {
         let environment = options.environment()?;
         let cut = mix.shares().iter().filter_map(|(policy, _)| cut_actions(policy, options.steps, &environment));

@@ -9,14 +9,14 @@ use vibes_data::Recording;
 
 use super::axis_seeds::AxisSeedArgs;
 use super::record::record_with_progress;
-use super::{Outcome, OutputArgs, idle};
+use super::{Outcome, OutputArgs, idle, videos};
 use crate::recorder::cores;
 use crate::redraw::{NewDistractors, Redraw};
 use crate::stored::options_of;
 use crate::trained::Home;
 use vibes_env::distractors::{Axes, Difficulty};
 use vibes_env::render::{Look, MAX_SIZE};
-use vibes_env::videos::{MOST_VIDEOS, VideoSet, VideoSource};
+use vibes_env::videos::{MOST_VIDEOS, VideoSet};
 
 #[derive(Debug, Args)]
 pub(super) struct RenderArgs {
@@ -56,7 +56,7 @@ pub(super) struct RenderArgs {
     /// Side of the pictures, pixels [default: the recording's].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=MAX_SIZE as i64))]
     size: Option<u32>,
-    /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite pixel by pixel [default: the recording's].
+    /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite to half a level of 255 on average [default: the recording's].
     #[arg(long)]
     render: Option<Look>,
     /// Turn every state about the origin: reacher's symmetry.
@@ -77,16 +77,12 @@ fn parse_degrees(text: &str) -> Result<f64, String> {
 
 impl RenderArgs {
     fn redraw(&self) -> Redraw {
-        let source = |folder: &PathBuf| match folder.to_str() {
-            Some("procedural") => VideoSource::Procedural,
-            _ => VideoSource::Folder(folder.clone()),
-        };
         Redraw {
             distractors: NewDistractors {
                 axes: self.distract,
                 difficulty: self.difficulty,
                 dynamic: self.dynamic.then_some(true).or(self.r#static.then_some(false)),
-                videos: self.videos.as_ref().map(source),
+                videos: self.videos.as_deref().map(videos::source),
                 video_set: self.video_set,
                 video_count: self.video_count.map(usize::from),
                 seed: self.seed,

@@ -93,7 +93,7 @@ pub(super) fn run(args: &ReplayArgs, output: OutputArgs) -> Result<Outcome> {
 fn replay_recording(args: &ReplayArgs, output: OutputArgs) -> Result<Outcome> {
     args.refuse_pictures()?;
     let recording = Recording::open(&args.trace)?;
-    let again = replay_episode(&recording, args.episode)?;
+    let again = replay_episode(&recording, args.episode).map_err(|error| error.in_file(recording.path()))?;
     let mut environment = environment_of(&recording, args.episode)?;
     args.write(&mut environment, &again.trace, &again.positions)?;
     let EpisodeErrors { qpos, qvel, observations, rewards } = again.errors;

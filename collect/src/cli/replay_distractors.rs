@@ -32,9 +32,12 @@ pub(super) fn run(path: &Path, tolerance: f64, pictures: Option<Pictures<'_>>, o
     let overrides = serde_json::from_value(trace.model_overrides.clone()).map_err(|error| {
         Error::malformed(path, format!("model overrides: {error}"), "overrides name fields, objects and numbers")
     })?;
-    environment.physics_mut().set_overrides(&overrides)?;
-    let comparison = trace.compare(&environment)?;
-    let draw = |pictures: Pictures<'_>| trace.compare_pictures(&environment, pictures.videos, pictures.look);
+    environment.physics_mut().set_overrides(&overrides).map_err(|error| Error::from(error).in_file(path))?;
+    let comparison = trace.compare(&environment).map_err(|error| error.in_file(path))?;
+    let draw = |pictures: Pictures<'_>| {
+        let drawn = trace.compare_pictures(&environment, pictures.videos, pictures.look);
+        drawn.map_err(|error| error.in_file(path))
+    };
     let drawn = pictures.map(draw).transpose()?;
     let drawn = drawn.unwrap_or_default();
     if output.json {

@@ -10,7 +10,7 @@ use vibes_env::Environment;
 use vibes_env::distractors::background::{BackgroundReset, BackgroundWalk};
 use vibes_env::distractors::camera::{CameraBounds, CameraWalk};
 use vibes_env::distractors::color::ColorWalk;
-use vibes_env::distractors::{CameraRanges, ColorRanges, View};
+use vibes_env::distractors::{CameraRanges, ColorRanges, Scenery, View};
 use vibes_env::render::{
     CameraProbe, RenderSettings, Renderer, camera_start, material_colors, material_names, picture_difference,
 };
@@ -31,6 +31,8 @@ pub struct TraceComparison {
     pub orientation: f64,
     /// Of the material colours.
     pub color: f64,
+    /// Of the opacity of the ground.
+    pub ground_alpha: f64,
     /// Steps whose video frame or direction is another.
     pub wrong_frames: usize,
     /// Steps compared.
@@ -39,7 +41,7 @@ pub struct TraceComparison {
 
 impl TraceComparison {
     /// Each quantity with its largest error.
-    pub fn errors(&self) -> [(&'static str, f64); 7] {
+    pub fn errors(&self) -> [(&'static str, f64); 8] {
         [
             ("bounds", self.bounds),
             ("pose", self.pose),
@@ -47,6 +49,7 @@ impl TraceComparison {
             ("position", self.position),
             ("orientation", self.orientation),
             ("color", self.color),
+            ("ground_alpha", self.ground_alpha),
             ("background", self.wrong_frames as f64),
         ]
     }
@@ -89,16 +92,16 @@ impl DistractorTrace {
         let mut background = self.background();
         let mut probe = CameraProbe::new(scenery, model)?;
         let mut colors = Vec::new();
-        let mut worst = TraceComparison { bounds: self.bounds_error(&bounds), ..TraceComparison::default() };
+        let mut worst = self.beginning(&bounds, scenery);
         for (index, step) in self.steps.iter().enumerate() {
             camera.advance(&step.camera_draws);
             if index > 0 {
                 color.advance(&step.color_draws);
                 background.advance();
             } else {
-                probe.begin_episode(&step.qpos)?;
+                probe.begin_episode(&step.qpos).map_err(|error| Error::from(error).at_step(index))?;
             }
-            worst.add_camera(&camera, &mut probe, step)?;
+            worst.add_camera(&camera, &mut probe, step).map_err(|error| error.at_step(index))?;
             color.rgb(&mut colors);
             raise(&mut worst.color, colors.iter().copied().map(f64::from).zip(step.rgb.iter().copied()));
             let shown = (background.frame().frame as usize, background.forwards());
@@ -121,6 +124,12 @@ impl DistractorTrace {
     fn background(&self) -> BackgroundWalk {
         let (start, forwards) = self.steps.first().map_or((0, true), |step| step.background);
         BackgroundWalk::reset(&BackgroundReset { video: 0, start, forwards }, self.frame_count, self.dynamic)
+    }
+
+    /// What can be compared before the first step.
+    fn beginning(&self, bounds: &CameraBounds, scenery: Scenery) -> TraceComparison {
+        let ground_alpha = largest([f64::from(scenery.ground_alpha) - f64::from(self.ground_alpha)]);
+        TraceComparison { bounds: self.bounds_error(bounds), ground_alpha, ..TraceComparison::default() }
     }
 
     fn bounds_error(&self, bounds: &CameraBounds) -> f64 {
@@ -152,7 +161,7 @@ impl DistractorTrace {
                 Renderer::new(RenderSettings { size, look }, environment.scenery(), environment.physics().model())?;
             for (index, step) in self.steps.iter().enumerate() {
                 if index == 0 {
-                    renderer.begin_episode(&step.qpos)?;
+                    renderer.begin_episode(&step.qpos).map_err(|error| Error::from(error).at_step(index))?;
                 }
                 if let Some(name) = step.pictures.get(&size) {
                     let theirs = self.read_picture(name, size)?;

@@ -3,11 +3,13 @@
 //! In: a policy and the number of a state trajectory. Out: the trajectory, and the distractor trajectory that the policy saw. Which thread acts never changes a number, so that a
 //! recording and an evaluation without one are of the same episodes.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use super::{Progress, RecordRun};
 use crate::Result;
 use crate::plan::{acting_distractor, state_seed};
+use crate::played::check_policy;
 use crate::studio::StudioSettings;
 use vibes_env::render::{RenderSettings, check_drawing};
 use vibes_env::videos::VideoLibrary;
@@ -16,6 +18,8 @@ use vibes_env::{Environment, EpisodeSeeds, Eyes, Policy, PolicySpec, StateTrajec
 /// What all threads share that act.
 pub(super) struct Stage<'a> {
     pub(super) run: &'a RecordRun<'a>,
+    /// The recording, or where numbers come from that nobody typed.
+    pub(super) place: &'a Path,
     pub(super) studio: StudioSettings,
     pub(super) report: &'a (dyn Fn(Progress) + Sync),
 }
@@ -26,7 +30,7 @@ impl<'a> Stage<'a> {
     /// # Errors
     /// [`vibes_env::Error::NoEgl`] on a machine that cannot draw what is asked for, and as [`RecordRun::videos_for`].
     pub(super) fn open(
-        run: &'a RecordRun<'a>,
+        (run, place): (&'a RecordRun<'a>, &'a Path),
         environment: &Environment,
         report: &'a (dyn Fn(Progress) + Sync),
     ) -> Result<Self> {
@@ -37,7 +41,7 @@ impl<'a> Stage<'a> {
         let videos = seen.map(|pictures| run.videos_for(pictures, report)).transpose()?;
         let videos = videos.unwrap_or_else(|| Arc::new(VideoLibrary::none()));
         let studio = StudioSettings::new(run.options, run.seed, environment, videos)?;
-        Ok(Self { run, studio, report })
+        Ok(Self { run, place, studio, report })
     }
 }
 
@@ -82,6 +86,9 @@ impl<'a> Actor<'a> {
             return Ok(place);
         }
         let options = self.stage.run.options;
+        if !options.actions.is_empty() {
+            check_policy(spec, &options.mix()?, &options.actions, self.stage.place)?;
+        }
         let make = self.stage.run.policies.0;
         let policy = make(spec, &options.task, options.environment_options())?;
         self.policies.push((spec.clone(), policy));

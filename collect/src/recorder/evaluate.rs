@@ -33,12 +33,12 @@ pub fn evaluate(run: &RecordRun<'_>, place: &Path, report: &(dyn Fn(Progress) + 
     let options = run.options;
     options.check(place)?;
     let environment = options.environment()?;
-    let mix: PolicyMix = options.policy.parse()?;
+    let mix = options.mix()?;
     mix.shares().iter().try_for_each(|(policy, _)| policy.check(options.steps, &environment))?;
     // The cells of a grid's row share their states.
     let wanted = options.grid.map_or(options.episodes, |grid| grid.states);
     let evaluation = Evaluation {
-        stage: Stage::open(run, &environment, report)?,
+        stage: Stage::open((run, place), &environment, report)?,
         mix,
         queue: Queue::new((0..wanted).collect(), run.stop),
         wanted,

@@ -222,3 +222,23 @@ fn names_are_read_as_they_are_printed() {
     assert!(message.contains("fog") && message.contains("camera"), "{message}");
     assert!("harder".parse::<Difficulty>().unwrap_err().to_string().contains("easy, medium, hard"));
 }
+
+/// The table of `distracting_control/suite_utils.py` and `camera.py`: opacity of the ground, and whether the camera keeps to the upper quadrant.
+#[test]
+fn every_task_of_the_suite_has_the_suites_scenery() {
+    let table = [
+        ("ball_in_cup-catch", 0.3, true),
+        ("cartpole-swingup", 0.3, true),
+        ("cheetah-run", 1.0, true),
+        ("finger-spin", 0.3, true),
+        ("reacher-easy", 0.0, false),
+        ("walker-walk", 1.0, true),
+    ];
+    for (task, ground_alpha, upper_quadrant) in table {
+        let environment = crate::Environment::new(task, crate::EnvironmentOptions::default()).unwrap();
+        assert_eq!(environment.scenery(), Scenery { upper_quadrant, ground_alpha }, "{task}");
+    }
+    let mut tasks: Vec<&str> = crate::suite_tasks().into_iter().map(|(task, _)| task).collect();
+    tasks.sort_unstable();
+    assert_eq!(tasks, table.map(|(task, ..)| task), "all of them");
+}
