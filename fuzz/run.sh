@@ -10,7 +10,8 @@ cd "$(dirname "$0")/.."
 seconds=$1
 shift
 
-target=${CARGO_TARGET_DIR:-target}/fuzz
+# In the build folder of every other build, as setup/cargo.sh names it.
+target=${CARGO_TARGET_DIR:-${XDG_CACHE_HOME:-$HOME/.cache}/vibes-toolkit/target}/fuzz
 work=$target/work
 host=$(rustc -vV | sed -n 's/^host: //p')
 coverage="-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 -Cllvm-args=-sanitizer-coverage-inline-8bit-counters"

@@ -3,7 +3,7 @@
 #[path = "../../model/tests/made_up/mod.rs"]
 mod made_up;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fs;
 use std::path::Path;
 
@@ -12,13 +12,17 @@ use rand_chacha::ChaCha8Rng;
 use vibes_data::RUN_FORMAT;
 use vibes_model::actions::ActionDistribution;
 use vibes_model::behaviour::Behaviour;
+use vibes_model::checkpoint::save_tensors;
 use vibes_model::config::BehaviourConfig;
+use vibes_model::guard::Guard;
+use vibes_model::parameters::read_parameters;
 use vibes_model::recurrent::networks::{RecurrentConfig, RecurrentNetworks};
 use vibes_model::sac::config::SacConfig;
 use vibes_model::sac::networks::SacNetworks;
 use vibes_model::trained::TrainedAgent;
 use vibes_model::values::ValueDistribution;
 use vibes_model::{Model, ModelConfig, ObservationKind, cpu};
+use vibes_train::learners::sac::update::SacLearner;
 use vibes_train::options::Options;
 use vibes_train::run::{Run, RunInfo};
 use vibes_train::sweep::Plan;
@@ -29,13 +33,15 @@ use crate::readers::{Part, Reader};
 /// All of them.
 pub(crate) const PART: Part = Part { readers: &READERS, make };
 
-const READERS: [Reader; 6] = [
+const READERS: [Reader; 8] = [
     Reader { name: "model", file: "world/model.safetensors", read: checkpoint },
     Reader { name: "behaviour", file: "world/behaviour.safetensors", read: checkpoint },
     Reader { name: "sac", file: "stacks/sac.safetensors", read: checkpoint },
     Reader { name: "recurrent", file: "recurrent/recurrent.safetensors", read: checkpoint },
     Reader { name: "run_options", file: "trained/run.json", read: run },
     Reader { name: "plan", file: "plan.toml", read: plan },
+    Reader { name: "guard", file: "world/guard.safetensors", read: guard },
+    Reader { name: "moments", file: "learner/sac_optimizer.safetensors", read: learner },
 ];
 
 const PLAN: &str = r#"output = "runs/plan"
@@ -90,6 +96,12 @@ fn make_checkpoints(folder: &Path) {
     networks.save(&at("recurrent/recurrent.safetensors")).unwrap();
     let networks = SacNetworks::init(stacks(), &mut rng, &device).unwrap();
     networks.save(&at("stacks/sac.safetensors")).unwrap();
+    Guard::init(&config(), 2, &mut rng, &device).save(&at("world/guard.safetensors")).unwrap();
+    // As after steps of the critics.
+    let moments = ["critic.first", "critic.second"].map(|prefix| read_parameters(&networks.critic, prefix));
+    let file = at("learner/sac_optimizer.safetensors");
+    SacLearner::new(networks, &device).save(&folder.join("learner")).unwrap();
+    save_tensors(&file, &moments.into_iter().flatten().collect(), HashMap::new()).unwrap();
 }
 
 /// The smallest networks over stacks that have all their parts.
@@ -123,6 +135,16 @@ fn config() -> ModelConfig {
 /// What acts, of the checkpoint in whose folder the file lies.
 fn checkpoint(_: &Path, path: &Path) -> bool {
     TrainedAgent::load(path.parent().unwrap(), &cpu()).is_ok()
+}
+
+/// The reward heads of the model that is described here.
+fn guard(_: &Path, path: &Path) -> bool {
+    Guard::load(path, &config(), &cpu()).is_ok()
+}
+
+/// The learner in whose folder the file lies.
+fn learner(_: &Path, path: &Path) -> bool {
+    SacLearner::load(path.parent().unwrap(), &cpu()).is_ok()
 }
 
 /// The run in whose folder the file lies.

@@ -12,7 +12,7 @@ use crate::config::{BehaviourConfig, ModelConfig};
 use crate::critic::Critic;
 use crate::described::{Described, Matrix};
 use crate::error::ModelError;
-use crate::parameters::{read_parameters, write_parameters};
+use crate::parameters::{HostTensors, read_parameters, write_parameters};
 
 /// Who acts and who judges.
 #[derive(Debug, Clone)]
@@ -40,10 +40,14 @@ impl Behaviour {
     /// # Errors
     /// The file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), ModelError> {
+        save_described(path, &self.parameters(), ("config", &self.config))
+    }
+
+    fn parameters(&self) -> HostTensors {
         let mut tensors = read_parameters(&self.actor, "actor");
         tensors.extend(read_parameters(&self.critic, "critic"));
         tensors.extend(read_parameters(&self.slow, "slow_critic"));
-        save_described(path, &tensors, ("config", &self.config))
+        tensors
     }
 
     /// Reads the file of a model's actor and critic.
@@ -64,8 +68,7 @@ impl Behaviour {
 
     /// The first weight that is no finite number, if there is one.
     pub fn first_not_finite(&self) -> Option<f32> {
-        let mut tensors = read_parameters(&self.actor, "actor");
-        tensors.extend(read_parameters(&self.critic, "critic"));
+        let tensors = self.parameters();
         tensors.values().flat_map(|tensor| &tensor.values).copied().find(|weight| !weight.is_finite())
     }
 

@@ -68,12 +68,27 @@ pub(crate) fn save_described(
 
 /// Reads a file of [`save_described`], whose description asks for no more than the file holds.
 pub(crate) fn load_described<C: Described>(path: &Path, entry: &str) -> Result<(HostTensors, C), ModelError> {
-    let (tensors, metadata) = load_tensors(path)?;
+    let (tensors, metadata) = load_weights(path)?;
     let config = metadata.get(entry);
     let config = config.ok_or_else(|| not_a_checkpoint(path, format!("it has no metadata entry `{entry}`")))?;
-    let config = serde_json::from_str(config).map_err(|error| not_a_checkpoint(path, error))?;
+    let config: C = serde_json::from_str(config).map_err(|error| not_a_checkpoint(path, error))?;
     check(&config, &tensors)?;
+    config.check_constants().map_err(|why| not_a_checkpoint(path, why))?;
     Ok((tensors, config))
+}
+
+/// Reads a file as [`load_tensors`], all of whose numbers must be finite: weights that are none make nothing but numbers that are none.
+///
+/// # Errors
+/// As there, or a number is infinite or none.
+pub fn load_weights(path: &Path) -> Result<(HostTensors, HashMap<String, String>), ModelError> {
+    let (tensors, metadata) = load_tensors(path)?;
+    for (name, tensor) in &tensors {
+        if let Some(&value) = tensor.values.iter().find(|value| !value.is_finite()) {
+            return Err(ModelError::NotFinite { name: name.clone(), value, path: path.to_owned() });
+        }
+    }
+    Ok((tensors, metadata))
 }
 
 /// Writes tensors and text metadata as one safetensors file.
@@ -96,26 +111,37 @@ pub fn save_tensors(path: &Path, tensors: &HostTensors, metadata: HashMap<String
     write().map_err(|cause| ModelError::Io { path: path.to_owned(), action: "write", cause })
 }
 
-/// Writes a copy of a safetensors file in half precision, metadata and all: half the bytes, for weights that are kept and not trained on every day.
+/// Writes a copy of a safetensors file in half precision, metadata and all: half the bytes, for weights that are kept and not trained on every day. A tensor with a number
+/// that half precision would make infinite stays in single precision.
 ///
 /// # Errors
 /// The file cannot be read, or the copy cannot be written.
 pub fn copy_in_half(from: &Path, to: &Path) -> Result<(), ModelError> {
     let (tensors, metadata) = load_tensors(from)?;
-    let halves: Vec<(&String, &HostTensor, Vec<f16>)> = tensors
-        .iter()
-        .map(|(name, tensor)| (name, tensor, tensor.values.iter().copied().map(f16::from_f32).collect()))
-        .collect();
-    let mut views = Vec::with_capacity(halves.len());
-    for (name, tensor, values) in &halves {
+    let packed: Vec<(&String, &HostTensor, Option<Vec<f16>>)> =
+        tensors.iter().map(|(name, tensor)| (name, tensor, halves(&tensor.values))).collect();
+    let mut views = Vec::with_capacity(packed.len());
+    for (name, tensor, halves) in &packed {
         // Numbers as they lie in memory: safetensors is little-endian, as every machine that MuJoCo runs on.
-        let bytes = bytemuck::must_cast_slice::<u16, u8>(HalfFloatSliceExt::reinterpret_cast(values.as_slice()));
-        let view =
-            TensorView::new(Dtype::F16, tensor.shape.clone(), bytes).map_err(|error| not_a_checkpoint(to, error))?;
+        let (kind, bytes): (Dtype, &[u8]) = match halves {
+            Some(halves) => {
+                let bits: &[u16] = HalfFloatSliceExt::reinterpret_cast(halves.as_slice());
+                (Dtype::F16, bytemuck::cast_slice(bits))
+            }
+            None => (Dtype::F32, bytemuck::cast_slice(&tensor.values)),
+        };
+        let view = TensorView::new(kind, tensor.shape.clone(), bytes).map_err(|error| not_a_checkpoint(to, error))?;
         views.push((name.as_str(), view));
     }
     let bytes = safetensors::serialize(views, Some(metadata)).map_err(|error| not_a_checkpoint(to, error))?;
     fs::write(to, bytes).map_err(|cause| ModelError::Io { path: to.to_owned(), action: "write", cause })
+}
+
+/// The numbers in half precision; none where that would make a finite one infinite.
+fn halves(values: &[f32]) -> Option<Vec<f16>> {
+    let halves: Vec<f16> = values.iter().copied().map(f16::from_f32).collect();
+    let overflows = values.iter().zip(&halves).any(|(value, half)| value.is_finite() && half.is_infinite());
+    (!overflows).then_some(halves)
 }
 
 /// Reads a safetensors file of tensors in single or half precision, and its metadata.
@@ -160,6 +186,39 @@ mod tests {
         for metadata in [HashMap::new(), HashMap::from([("steps".to_owned(), "0".to_owned())])] {
             save_tensors(&path, &HostTensors::new(), metadata.clone()).unwrap();
             assert_eq!(load_tensors(&path).unwrap(), (HostTensors::new(), metadata));
+        }
+    }
+
+    /// 65504 is the largest finite number in half precision.
+    #[test]
+    fn a_copy_in_half_precision_keeps_every_finite_number_finite() {
+        let folder = tempfile::tempdir().unwrap();
+        let [from, to] = ["from", "to"].map(|name| folder.path().join(name));
+        let tensor = |values: &[f32]| HostTensor { shape: vec![values.len()], values: values.to_vec() };
+        let tensors = HostTensors::from([
+            ("large".to_owned(), tensor(&[1.0, -70_000.0])),
+            ("largest".to_owned(), tensor(&[65_504.0, -0.5])),
+            ("odd".to_owned(), tensor(&[f32::INFINITY, 0.25])),
+        ]);
+        save_tensors(&from, &tensors, HashMap::from([("config".to_owned(), "{}".to_owned())])).unwrap();
+        copy_in_half(&from, &to).unwrap();
+        assert_eq!(load_tensors(&to).unwrap().0, tensors);
+        let bytes = fs::read(&to).unwrap();
+        let file = SafeTensors::deserialize(&bytes).unwrap();
+        let kinds = ["large", "largest", "odd"].map(|name| file.tensor(name).unwrap().dtype());
+        assert_eq!(kinds, [Dtype::F32, Dtype::F16, Dtype::F16]);
+    }
+
+    #[test]
+    fn weights_that_are_no_numbers_are_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("model.safetensors");
+        for value in [f32::NAN, f32::NEG_INFINITY] {
+            let tensor = HostTensor { shape: vec![2], values: vec![0.5, value] };
+            save_tensors(&path, &HostTensors::from([("world.bias".to_owned(), tensor)]), HashMap::new()).unwrap();
+            let error = load_weights(&path).unwrap_err().to_string();
+            assert!(error.contains("`world.bias`") && error.ends_with("model.safetensors"), "{error}");
+            assert!(load_tensors(&path).is_ok());
         }
     }
 }

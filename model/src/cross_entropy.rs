@@ -4,6 +4,8 @@
 use burn::tensor::Tensor;
 use serde::{Deserialize, Serialize};
 
+use crate::described::must;
+
 /// Sizes of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CrossEntropy {
@@ -22,7 +24,19 @@ impl Default for CrossEntropy {
     }
 }
 
+/// Actions drawn for a row in one search, at most.
+const MOST_DRAWN: usize = 1 << 20;
+
 impl CrossEntropy {
+    /// What is wrong with sizes that were read from a file, where something is.
+    pub(crate) fn check(&self) -> Result<(), String> {
+        let Self { samples, elites, iterations } = *self;
+        must(samples >= 1, "samples", samples, "be 1 or more")?;
+        must((1..=samples).contains(&elites), "elites", elites, &format!("lie within 1..{samples}, the samples"))?;
+        let most = format!("draw {MOST_DRAWN} samples or fewer in all");
+        must(iterations <= MOST_DRAWN / samples, "iterations", iterations, &most)
+    }
+
     /// The best action found for every row: the first draw is around 0 with standard deviation 1, each later one around the elites' mean with their
     /// (population) standard deviation; actions are cut to −1..1. The best of all draws wins.
     ///

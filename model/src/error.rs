@@ -39,6 +39,26 @@ pub enum ModelError {
         /// Shape of the parameter.
         wanted: Vec<usize>,
     },
+    /// A weight is infinite or no number.
+    #[error("tensor `{name}` holds {value}; weights are finite numbers, of a training that did not diverge: {}", path.display())]
+    NotFinite {
+        /// Name of the parameter.
+        name: String,
+        /// The first such number.
+        value: f32,
+        /// The file.
+        path: PathBuf,
+    },
+    /// The environment asks for instructions that there are not.
+    #[error("{variable} is `{asked}`; it may be one of {}", known.join(", "))]
+    UnknownInstructions {
+        /// The environment variable.
+        variable: &'static str,
+        /// What it holds.
+        asked: String,
+        /// What it may hold.
+        known: Vec<&'static str>,
+    },
     /// The model has no head of this name.
     #[error("the model has no head `{name}`; it has {}", known.join(", "))]
     MissingHead {

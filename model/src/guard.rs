@@ -12,13 +12,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::{load_described, save_described};
 use crate::config::ModelConfig;
-use crate::described::{Described, Matrix};
+use crate::described::{Described, Matrix, must};
 use crate::error::ModelError;
 use crate::mlp::{Mlp, MlpConfig};
 use crate::parameters::{read_parameters, write_parameters};
 
 /// Width of the hidden layers of a member: an eighth or so of the reward model's, since there are several.
 const WIDTH: usize = 64;
+/// One head alone disagrees with none.
+const LEAST_MEMBERS: usize = 2;
 /// Below this, in units of the reward model's output, a disagreement is none: the root has a slope there.
 const LEAST: f32 = 1e-4;
 
@@ -123,6 +125,10 @@ impl Members {
 impl Described for GuardConfig {
     fn matrices(&self) -> Box<dyn Iterator<Item = Matrix> + '_> {
         Box::new((0..self.members).map(|at| (format!("guard.heads.{at}.second.weight"), vec![WIDTH; 2])))
+    }
+
+    fn check_constants(&self) -> Result<(), String> {
+        must(self.members >= LEAST_MEMBERS, "members", self.members, "be 2 or more")
     }
 }
 

@@ -9,11 +9,12 @@ use crate::adversary::Adversary;
 use crate::cnn::CnnConfig;
 use crate::config::{ModelConfig, ObservationKind};
 use crate::decoder::Decoder;
-use crate::described::{Described, Matrix, perceptron, product, sum};
+use crate::described::{Described, Matrix, bounds, perceptron, positive, product, sum};
 use crate::dynamics::Dynamics;
 use crate::encoder::Encoder;
 use crate::error::ModelError;
 use crate::heads::{Head, HeadConfig};
+use crate::kernels::Instructions;
 use crate::mlp::Mlp;
 use crate::numbers::Number;
 use crate::observe::Frames;
@@ -86,8 +87,9 @@ impl Model {
     /// A new model with first values drawn from `rng`.
     ///
     /// # Errors
-    /// The picture is too small.
+    /// The picture is too small, or the environment asks for instructions that there are not.
     pub fn init(config: ModelConfig, rng: &mut impl Rng, device: &Device) -> Result<Self, ModelError> {
+        Instructions::asked()?;
         let encoder = Encoder::init(&config, rng, device)?;
         let dynamics = Dynamics::init(&config, rng, device);
         let reward = Reward::init(&config, rng, device);
@@ -149,6 +151,16 @@ impl Described for ModelConfig {
                 perceptron(&format!("world.heads.{at}.mlp"), [head.input, self.head, head.output])
             });
         Box::new(own.into_iter().chain(dynamics).chain(of_observation(self)).chain(heads))
+    }
+
+    fn check_constants(&self) -> Result<(), String> {
+        bounds(&self.action_min, &self.action_max)?;
+        positive(&[
+            ("latent_std", self.latent_std),
+            ("prediction_floor", self.prediction_floor),
+            ("reward_floor", self.reward_floor),
+            ("reward_scale", self.reward_scale),
+        ])
     }
 }
 

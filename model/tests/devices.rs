@@ -17,9 +17,9 @@ use vibes_model::observe::Frames;
 use vibes_model::parameters::to_values;
 use vibes_model::{Model, ModelConfig, ObservationKind};
 
-/// Rows and windows of what is made up, and values of an action.
+/// Rows and windows of what is made up, and values of an action. Of fewer than 16 rows the perceptrons of flex would be those of every device.
 const LENGTH: usize = 5;
-const BATCH: usize = 3;
+const BATCH: usize = 4;
 const ACTIONS: usize = 2;
 
 fn devices() -> Vec<(&'static str, Device)> {

@@ -27,7 +27,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use vibes_data::{FolderLock, Recording, RunFolder, is_same_place, write_atomically};
-use vibes_model::checkpoint::{load_tensors, save_tensors};
+use vibes_model::checkpoint::{load_tensors, load_weights, save_tensors};
 use vibes_model::parameters::{HostTensors, read_parameters};
 use vibes_model::{HeadConfig, Model, ModelConfig};
 
@@ -35,6 +35,7 @@ use crate::checkpoints;
 use crate::error::{Result, TrainError, io, malformed};
 use crate::gate::Gate;
 use crate::json::{is_zero, write_json};
+use crate::learners::optimizer::counts;
 use crate::learners::world::Learner;
 use crate::options::Options;
 
@@ -293,7 +294,7 @@ impl Run {
         let heads = Heads { before: &self.info.model.heads, after: &wanted.heads };
         let made = self.checkpoints().last().copied().unwrap_or(0);
         let carried = checkpoints::newest(&self.folder, |folder| {
-            let (weights, _) = load_tensors(&folder.join("model.safetensors"))?;
+            let (weights, _) = load_weights(&folder.join("model.safetensors"))?;
             let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
             let mut model = heads.carry(wanted.clone(), weights, &mut rng, device)?;
             if let Some(rewards) = rewards {
@@ -373,28 +374,12 @@ fn is_in_half(file: &Path) -> bool {
 }
 
 fn restore(learner: &mut Learner, moments: &HostTensors, state: State, file: &Path, device: &Device) -> Result<()> {
-    check_moments(moments, &read_parameters(&learner.model.world, "world"), file)?;
-    learner.optimizer.restore("world", (moments, file), state.optimizer_steps, device)?;
-    learner.adversary_optimizer.restore("adversary", (moments, file), state.adversary_optimizer_steps, device)
-}
-
-/// That Adam's moments are of these parameters: of others they would move some of the weights and leave the rest.
-///
-/// # Errors
-/// [`TrainError::Malformed`]: they are of parameters that are not there, or of another size.
-fn check_moments(moments: &HostTensors, parameters: &HostTensors, file: &Path) -> Result<()> {
-    for (name, moment) in moments {
-        let Some(of) = name.strip_prefix("world.first.").or_else(|| name.strip_prefix("world.second.")) else {
-            continue;
-        };
-        let (found, wanted) = (moment.values.len(), parameters.get(&format!("world.{of}")).map(|all| all.values.len()));
-        if wanted != Some(found) {
-            let wanted = wanted.map_or("no weights of that name".to_owned(), |count| format!("{count} weights"));
-            let fact = format!("moments of {found} weights of {of}, of which this model has {wanted}");
-            return Err(malformed(file, fact, "the moments that were saved with this checkpoint's weights"));
-        }
-    }
-    Ok(())
+    let (from, Model { world, adversary, .. }) = ((moments, file), &learner.model);
+    learner.optimizer.restore("world", &counts(world), from, state.optimizer_steps, device)?;
+    // Moments may be there of an adversary that a run before had and this one has not.
+    let Some(adversary) = adversary else { return Ok(()) };
+    let steps = state.adversary_optimizer_steps;
+    learner.adversary_optimizer.restore("adversary", &counts(adversary), from, steps, device)
 }
 
 /// The heads of a model and of the one that goes on from it; they go by their names, their tensors by their places.

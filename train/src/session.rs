@@ -144,7 +144,8 @@ impl<'a> Session<'a> {
     pub fn save(&mut self, learner: &Learner, more: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
         if let Some(value) = learner.model.first_not_finite() {
             let error = TrainError::NotFinite { what: "a weight", value };
-            return Err(self.run.diverged(error, self.state.update));
+            // The last update that was made, which is counted already.
+            return Err(self.run.diverged(error, self.state.update.saturating_sub(1)));
         }
         self.state.optimizer_steps = learner.optimizer.steps();
         self.state.adversary_optimizer_steps = learner.adversary_optimizer.steps();

@@ -47,6 +47,9 @@ impl Adam {
     ///
     /// `scale` multiplies the gradient first: the factor of a global norm clip, or 1. All tensors are on the inner device, without
     /// autodiff; pass them by value and keep no clones, then on `flex` nothing is copied. `moments` is `None` before the first update.
+    ///
+    /// # Panics
+    /// The tensors are not of one shape.
     pub fn update<const D: usize>(
         &self,
         parameter: Tensor<D>,
@@ -61,6 +64,11 @@ impl Adam {
             None => (parameter.zeros_like(), parameter.zeros_like()),
         };
         let tensors = [parameter, gradient, first, second];
+        let shapes = tensors.each_ref().map(|tensor| tensor.dims());
+        assert!(
+            shapes.iter().all(|shape| *shape == shapes[0]),
+            "parameter, gradient and moments of one shape: {shapes:?}"
+        );
         let corrections = self.corrections(learning_rate, step);
         let fast = |tensor: &Tensor<D>| {
             let device = tensor.device();

@@ -4,6 +4,14 @@
 
 use std::sync::OnceLock;
 
+use crate::error::ModelError;
+
+/// The environment variable that asks for a set.
+const VARIABLE: &str = "VIBES_INSTRUCTIONS";
+/// The words that it may hold.
+const NAMES: [(&str, Instructions); 3] =
+    [("avx512", Instructions::Avx512), ("avx2", Instructions::Avx2), ("portable", Instructions::Portable)];
+
 /// A set of vector instructions, widest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Instructions {
@@ -21,17 +29,32 @@ impl Instructions {
     pub fn best() -> Self {
         static BEST: OnceLock<Instructions> = OnceLock::new();
         *BEST.get_or_init(|| {
-            let asked = std::env::var("VIBES_INSTRUCTIONS").unwrap_or_default();
-            let narrowest = match asked.as_str() {
-                "portable" => Self::Portable,
-                "avx2" => Self::Avx2,
-                _ => Self::Avx512,
-            };
+            // A word that is none of them is refused where networks are made.
+            let narrowest = Self::asked().ok().flatten().unwrap_or(Self::Avx512);
             [Self::Avx512, Self::Avx2, Self::Portable]
                 .into_iter()
                 .find(|set| *set as u8 >= narrowest as u8 && set.available())
                 .unwrap_or(Self::Portable)
         })
+    }
+
+    /// The set that the environment variable `VIBES_INSTRUCTIONS` asks for; none where it is not there or empty.
+    ///
+    /// # Errors
+    /// It holds another word.
+    pub fn asked() -> Result<Option<Self>, ModelError> {
+        Self::named(&std::env::var_os(VARIABLE).unwrap_or_default().to_string_lossy())
+    }
+
+    fn named(word: &str) -> Result<Option<Self>, ModelError> {
+        match (word, NAMES.iter().find(|(name, _)| *name == word)) {
+            ("", _) => Ok(None),
+            (_, Some((_, set))) => Ok(Some(*set)),
+            (_, None) => {
+                let known = NAMES.map(|(name, _)| name).to_vec();
+                Err(ModelError::UnknownInstructions { variable: VARIABLE, asked: word.to_owned(), known })
+            }
+        }
     }
 
     /// Whether this processor has them.
@@ -143,4 +166,21 @@ fn with_avx512<R>(proof: HasAvx512, work: impl FnOnce(HasAvx512) -> R) -> R {
 #[target_feature(enable = "avx2,fma")]
 fn with_avx2<R>(proof: HasAvx2, work: impl FnOnce(HasAvx2) -> R) -> R {
     work(proof)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+    use super::*;
+
+    #[test]
+    fn a_word_that_names_no_instructions_is_refused_with_those_that_do() {
+        assert_eq!(Instructions::named("").unwrap(), None);
+        assert_eq!(NAMES.map(|(name, _)| Instructions::named(name).unwrap()), NAMES.map(|(_, set)| Some(set)));
+        for typo in ["avx", "AVX2", "portable "] {
+            let error = Instructions::named(typo).unwrap_err().to_string();
+            assert!(error.contains(typo) && error.contains("avx512, avx2, portable"), "{error}");
+        }
+    }
 }

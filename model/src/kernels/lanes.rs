@@ -20,9 +20,9 @@ pub(super) trait Lanes: Copy {
     fn opposite(self) -> Self;
     /// `self + factor · other`, rounded once where the instructions can.
     fn plus_times(self, factor: f32, other: Self) -> Self;
-    /// The number, or 0 where it is negative.
+    /// The number, or 0 where it is negative; what is no number stays none.
     fn positive(self) -> Self;
-    /// The number, or 0 where `gate` is not above 0.
+    /// The number, or 0 where `gate` is 0 or below; a gate that is no number is open, as it was for [`positive`](Self::positive).
     fn where_open(self, gate: Self) -> Self;
 
     /// The sixteen numbers from `at` on.
@@ -42,6 +42,18 @@ pub(super) trait Lanes: Copy {
             None => panic!("sixteen numbers at {at}"),
         }
     }
+}
+
+/// A number, or 0 where it is negative; what is no number stays none, so that a training that has diverged is noticed.
+#[inline(always)]
+pub(super) fn relu(number: f32) -> f32 {
+    if number < 0.0 { 0.0 } else { number }
+}
+
+/// The gradient through [`relu`] from its output: 0 where that was closed.
+#[inline(always)]
+pub(super) fn relu_backward(output: f32, gradient: f32) -> f32 {
+    if output <= 0.0 { 0.0 } else { gradient }
 }
 
 /// The whole vectors of a slice.
@@ -107,7 +119,7 @@ impl Lanes for [f32; LANES] {
     #[inline(always)]
     fn positive(mut self) -> Self {
         for number in &mut self {
-            *number = if *number > 0.0 { *number } else { 0.0 };
+            *number = relu(*number);
         }
         self
     }
@@ -115,7 +127,7 @@ impl Lanes for [f32; LANES] {
     #[inline(always)]
     fn where_open(mut self, gate: Self) -> Self {
         for i in 0..LANES {
-            self[i] = if gate[i] > 0.0 { self[i] } else { 0.0 };
+            self[i] = relu_backward(gate[i], self[i]);
         }
         self
     }

@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::actions::{ActionDistribution, Actions};
 use crate::checkpoint::{load_described, save_described};
-use crate::config::ModelConfig;
-use crate::described::{Described, Matrix, perceptron, sum};
+use crate::config::{ModelConfig, ObservationKind};
+use crate::described::{Described, Matrix, perceptron, sum, view};
 use crate::error::ModelError;
 use crate::init::constant;
 use crate::mlp::Mlp;
 use crate::model::{Model, World};
-use crate::parameters::{read_parameters, write_parameters};
+use crate::parameters::{HostTensors, read_parameters, write_parameters};
 use crate::sac::critic::twin_values;
 use crate::sac::features::{orthogonal_mlp, relu_forward};
 use crate::sac::networks::{TEMPERATURE, Temperature};
@@ -112,17 +112,22 @@ impl RecurrentNetworks {
         Ok(Self { world, slow: critic.clone(), critic, actor, temperature, config })
     }
 
-    /// Writes them to a new file.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub fn save(&self, path: &Path) -> Result<(), ModelError> {
+    /// All weights, the slow ones too, by the names they have in a file.
+    pub fn parameters(&self) -> HostTensors {
         let mut tensors = read_parameters(&self.world, "world");
         tensors.extend(read_parameters(&self.critic, "critic"));
         tensors.extend(read_parameters(&self.slow, "slow"));
         tensors.extend(read_parameters(&self.actor, "actor"));
         tensors.extend(read_parameters(&self.temperature, "temperature"));
-        save_described(path, &tensors, ("recurrent", &self.config))
+        tensors
+    }
+
+    /// Writes them to a new file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), ModelError> {
+        save_described(path, &self.parameters(), ("recurrent", &self.config))
     }
 
     /// Builds the networks a file describes and reads their weights.
@@ -149,5 +154,13 @@ impl Described for RecurrentConfig {
     fn matrices(&self) -> Box<dyn Iterator<Item = Matrix> + '_> {
         let input = sum(&[self.model.hidden, self.model.latent, self.model.actions()]);
         Box::new(self.model.matrices().chain(perceptron("critic.first", [input, self.hidden, 1])))
+    }
+
+    fn check_constants(&self) -> Result<(), String> {
+        self.model.check_constants()?;
+        match self.model.observation {
+            ObservationKind::Pixels { height, width } => view([height, width], self.picture),
+            ObservationKind::Vector { .. } => view(self.picture, self.picture),
+        }
     }
 }

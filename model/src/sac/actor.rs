@@ -11,7 +11,7 @@ use crate::error::ModelError;
 use crate::mlp::Mlp;
 
 /// Upper bound of the standard deviation's logarithm, which tanh maps between the configured lower one and this.
-const LOG_STD_MAX: f32 = 2.0;
+pub(super) const LOG_STD_MAX: f32 = 2.0;
 
 /// Maps of the critic's convolutions to a distribution of actions.
 #[derive(Module, Debug)]

@@ -6,19 +6,19 @@ use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use rand::{Rng, SeedableRng};
 
-use super::actor::SoftActor;
+use super::actor::{LOG_STD_MAX, SoftActor};
 use super::characteristic::Characteristic;
 use super::config::{FILTERS, LAYERS, SacConfig};
 use super::critic::TwinCritic;
 use super::features::{orthogonal_linear, orthogonal_mlp};
 use crate::checkpoint::{load_described, save_described};
-use crate::described::{Described, Matrix, perceptron, product, sum};
+use crate::described::{Described, Matrix, bounds, must, perceptron, product, sum, view};
 use crate::error::ModelError;
 use crate::init::constant;
-use crate::kernels::conv3_size;
+use crate::kernels::{Instructions, conv3_size};
 use crate::linear::Linear;
 use crate::mlp::Mlp;
-use crate::parameters::{read_parameters, write_parameters};
+use crate::parameters::{HostTensors, read_parameters, write_parameters};
 
 /// Their file in a checkpoint.
 pub const FILE: &str = "sac.safetensors";
@@ -73,8 +73,9 @@ impl SacNetworks {
     /// New networks with first values drawn from `rng`; the slow copy begins as the critics themselves.
     ///
     /// # Errors
-    /// The pictures are too small.
+    /// The pictures are too small, or the environment asks for instructions that there are not.
     pub fn init(config: SacConfig, rng: &mut impl Rng, device: &Device) -> Result<Self, ModelError> {
+        Instructions::asked()?;
         let critic = TwinCritic::init(&config, rng, device)?;
         let actor = config.search.is_none().then(|| SoftActor::init(&config, rng, device)).transpose()?;
         let (feature, hidden) = (config.feature, config.hidden);
@@ -95,11 +96,8 @@ impl SacNetworks {
         })
     }
 
-    /// Writes them to a new file.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub fn save(&self, path: &Path) -> Result<(), ModelError> {
+    /// All weights, the slow ones too, by the names they have in a file.
+    pub fn parameters(&self) -> HostTensors {
         let mut tensors = read_parameters(&self.critic, "critic");
         tensors.extend(read_parameters(&self.slow, "slow"));
         tensors.extend(read_parameters(&self.temperature, "temperature"));
@@ -107,7 +105,15 @@ impl SacNetworks {
         if let Some(actor) = &self.actor {
             tensors.extend(read_parameters(actor, "actor"));
         }
-        save_described(path, &tensors, ("sac", &self.config))
+        tensors
+    }
+
+    /// Writes them to a new file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), ModelError> {
+        save_described(path, &self.parameters(), ("sac", &self.config))
     }
 
     /// Builds the networks a file describes and reads their weights.
@@ -151,5 +157,14 @@ impl Described for SacConfig {
             ));
         }
         Box::new(all.into_iter())
+    }
+
+    fn check_constants(&self) -> Result<(), String> {
+        bounds(&self.action_min, &self.action_max)?;
+        view(self.view, self.picture)?;
+        must((0.0..=1.0).contains(&self.random_share), "random_share", self.random_share, "lie within 0..1")?;
+        let spread = self.log_std_min;
+        must(spread.is_finite() && spread < LOG_STD_MAX, "log_std_min", spread, "be a finite number below 2")?;
+        self.search.map_or(Ok(()), |search| search.check())
     }
 }

@@ -8,7 +8,7 @@ use burn::tensor::Device;
 use vibes_model::checkpoint::{load_tensors, save_tensors};
 use vibes_model::parameters::HostTensors;
 
-use super::optimizer::Optimizer;
+use super::optimizer::{Counts, Optimizer};
 use crate::error::{Result, TrainError, io, malformed};
 use crate::json::write_json;
 
@@ -35,14 +35,15 @@ pub fn save(folder: &Path, files: Files, optimizers: &mut [(&'static str, &mut O
     write_json(&folder.join(files.steps), &steps)
 }
 
-/// Reads both files.
+/// Reads both files; `counts` are those of the weights that the optimisers move, in the same order.
 ///
 /// # Errors
-/// One is missing or damaged.
-pub fn load(
+/// One is missing or damaged, or of other weights.
+pub fn load<const N: usize>(
     folder: &Path,
     files: Files,
-    optimizers: &mut [(&'static str, &mut Optimizer)],
+    optimizers: [(&'static str, &mut Optimizer); N],
+    counts: [Counts; N],
     device: &Device,
 ) -> Result<()> {
     let place = folder.join(files.moments);
@@ -51,8 +52,8 @@ pub fn load(
     let text = std::fs::read_to_string(&file).map_err(io("read", &file))?;
     let steps: BTreeMap<String, u64> = serde_json::from_str(&text)
         .map_err(|error| malformed(&file, error, "Adam's steps of each group of parameters"))?;
-    for (name, optimizer) in optimizers {
-        optimizer.restore(name, (&moments, &place), steps.get(*name).copied().unwrap_or(0), device)?;
+    for ((name, optimizer), counts) in optimizers.into_iter().zip(&counts) {
+        optimizer.restore(name, counts, (&moments, &place), steps.get(name).copied().unwrap_or(0), device)?;
     }
     Ok(())
 }

@@ -94,40 +94,106 @@ impl Optimizer {
         tensors
     }
 
-    /// The state that [`Optimizer::to_tensors`] saved after `steps` steps, from the tensors of this file.
+    /// The state that [`Optimizer::to_tensors`] saved after `steps` steps of a module with these weights, from the tensors of this file. Weights that never had a gradient have none.
     ///
     /// # Errors
-    /// [`crate::error::TrainError::Malformed`]: a parameter's first step is none of those.
+    /// [`crate::error::TrainError::Malformed`]: moments are of other weights or are not whole, or a parameter's first step is none of those.
     pub fn restore(
         &mut self,
         prefix: &str,
+        counts: &Counts,
         (tensors, file): (&HostTensors, &Path),
         steps: u64,
         device: &Device,
     ) -> Result<()> {
-        let (first, second) = (format!("{prefix}.first."), format!("{prefix}.second."));
+        let [first, second, begun] = ["first", "second", "begun"].map(|kind| of_kind(tensors, prefix, kind));
+        let damaged =
+            |fact: String| malformed(file, fact, "the moments that were saved with this checkpoint's weights");
+        check_moments(counts, &first, &second).map_err(damaged)?;
+        if steps > 0 && first.is_empty() && !counts.is_empty() {
+            return Err(damaged(format!("no moments of `{prefix}`, which has made {steps} steps")));
+        }
         let load = |tensor: &HostTensor| {
             Tensor::<1>::from_data(TensorData::new(tensor.values.clone(), [tensor.values.len()]), device)
         };
-        let named = tensors.iter().filter_map(|(name, tensor)| Some((name.strip_prefix(&first)?, tensor)));
-        let pairs = named.filter_map(|(name, tensor)| Some((name, tensor, tensors.get(&format!("{second}{name}"))?)));
+        let pairs = first.iter().filter_map(|(name, first)| Some((*name, *first, *second.get(name)?)));
         let moments =
             pairs.map(|(name, first, second)| (name.to_owned(), Moments { first: load(first), second: load(second) }));
         self.moments = moments.collect();
-        self.begun.clear();
-        let begun = format!("{prefix}.begun.");
-        let begun =
-            tensors.iter().filter_map(|(name, tensor)| Some((name.strip_prefix(&begun)?, tensor.values.first()?)));
-        for (name, &begun) in begun {
-            // A step that was made leaves moments behind, and comes after those before it.
-            if begun.fract() != 0.0 || begun < 0.0 || begun as u64 >= steps || !self.moments.contains_key(name) {
-                let fact = format!("{name} began to be learned after {begun} of {steps} steps");
-                return Err(malformed(file, fact, "the moments that were saved with this checkpoint's weights"));
-            }
-            self.begun.insert(name.to_owned(), begun as u64);
-        }
+        self.begun = begun_after(&begun, &first, steps).map_err(damaged)?;
         self.steps = steps;
         Ok(())
+    }
+}
+
+/// Numbers of each parameter of a module, by name.
+pub type Counts = BTreeMap<String, usize>;
+
+/// The [`Counts`] of a module.
+pub fn counts<M: Module>(module: &M) -> Counts {
+    let mut counter = Counter { path: Vec::new(), counts: Counts::new() };
+    module.visit(&mut counter);
+    counter.counts
+}
+
+/// Tensors of one kind, by the names of their parameters.
+type Named<'a> = BTreeMap<&'a str, &'a HostTensor>;
+
+/// The tensors whose names begin with the prefix and the kind.
+fn of_kind<'a>(tensors: &'a HostTensors, prefix: &str, kind: &str) -> Named<'a> {
+    let start = format!("{prefix}.{kind}.");
+    tensors.iter().filter_map(|(name, tensor)| Some((name.strip_prefix(&start)?, tensor))).collect()
+}
+
+/// What is wrong with the moments of a module: of others they would move some of the weights and leave the rest.
+fn check_moments(counts: &Counts, first: &Named<'_>, second: &Named<'_>) -> std::result::Result<(), String> {
+    for (name, moment) in first.iter().chain(second) {
+        let (found, wanted) = (moment.values.len(), counts.get(*name).copied());
+        if wanted != Some(found) {
+            let wanted = wanted.map_or("no weights of that name".to_owned(), |count| format!("{count} weights"));
+            return Err(format!("moments of {found} weights of {name}, of which this model has {wanted}"));
+        }
+    }
+    for (kind, name) in first.keys().map(|name| ("second", name)).chain(second.keys().map(|name| ("first", name))) {
+        if !(first.contains_key(name) && second.contains_key(name)) {
+            return Err(format!("no {kind} moments of {name}"));
+        }
+    }
+    Ok(())
+}
+
+/// Steps that were none of a parameter's own: one that was made leaves moments behind, and comes after those before it.
+fn begun_after(
+    begun: &Named<'_>,
+    moments: &Named<'_>,
+    steps: u64,
+) -> std::result::Result<BTreeMap<String, u64>, String> {
+    let mut all = BTreeMap::new();
+    for (name, tensor) in begun {
+        let Some(&begun) = tensor.values.first() else { continue };
+        // Of a number that is none the fraction is none either.
+        if begun.fract() != 0.0 || begun < 0.0 || begun as u64 >= steps || !moments.contains_key(name) {
+            return Err(format!("{name} began to be learned after {begun} of {steps} steps"));
+        }
+        all.insert((*name).to_owned(), begun as u64);
+    }
+    Ok(all)
+}
+
+struct Counter {
+    path: Vec<String>,
+    counts: Counts,
+}
+
+impl ModuleVisitor for Counter {
+    fn enter_module(&mut self, name: &str, _container_type: &str) {
+        self.path.push(name.to_owned());
+    }
+    fn exit_module(&mut self, _name: &str, _container_type: &str) {
+        self.path.pop();
+    }
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        self.counts.insert(self.path.join("."), param.val().shape().num_elements());
     }
 }
 
@@ -191,70 +257,4 @@ impl ModuleMapper for Stepper<'_> {
 }
 
 #[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-    use vibes_model::init::constant;
-    use vibes_model::linear::Linear;
-
-    use super::*;
-
-    type Loss = fn(&Linear) -> Tensor<1>;
-
-    /// Gradients for the weight alone, for the bias alone, for both.
-    const WEIGHT: Loss = |module| module.weight.val().square().sum();
-    const BIAS: Loss = |module| module.bias.val().square().sum();
-    const BOTH: Loss = |module| WEIGHT(module) + BIAS(module);
-
-    fn module() -> Linear {
-        let device = Device::flex();
-        Linear { weight: constant([2, 1], 2.0, &device), bias: constant([1], -3.0, &device) }.train()
-    }
-
-    /// One step for every loss, on from what is there.
-    fn after(mut optimizer: Optimizer, mut module: Linear, losses: &[Loss]) -> (Optimizer, Linear) {
-        for loss in losses {
-            let gradients = NamedGradients::take(&module, &mut loss(&module).backward());
-            module = optimizer.step(module, gradients, 0.1, f32::INFINITY);
-        }
-        (optimizer, module)
-    }
-
-    fn values(module: &Linear) -> [Vec<f32>; 2] {
-        [to_values(module.weight.val().inner()), to_values(module.bias.val().inner())]
-    }
-
-    #[test]
-    fn a_step_without_a_gradient_is_none_of_a_parameters_own() {
-        let turns = [WEIGHT, WEIGHT, BOTH, WEIGHT, WEIGHT, BOTH];
-        for made in [3, 6] {
-            let (optimizer, shared) = after(Optimizer::new(1e-8), module(), &turns[..made]);
-            let own = |loss: Loss, steps: usize| values(&after(Optimizer::new(1e-8), module(), &vec![loss; steps]).1);
-            let [weight, bias] = values(&shared);
-            assert_eq!(weight, own(WEIGHT, made)[0], "after {made}");
-            assert_eq!(bias, own(BIAS, made / 3)[1], "after {made}");
-            assert_eq!(optimizer.begun, BTreeMap::from([("bias".to_owned(), made as u64 / 3 * 2)]));
-        }
-    }
-
-    #[test]
-    fn steps_of_its_own_are_counted_on_from_disk() {
-        let (optimizer, shared) = after(Optimizer::new(1e-8), module(), &[BOTH, WEIGHT]);
-        let mut restored = Optimizer::new(1e-8);
-        let saved = optimizer.to_tensors("saved");
-        restored.restore("saved", (&saved, Path::new("moments")), optimizer.steps(), &Device::flex()).unwrap();
-        let go_on = |optimizer: Optimizer| values(&after(optimizer, shared.clone(), &[BOTH]).1);
-        let gone_on = go_on(restored);
-        assert_eq!(gone_on, go_on(optimizer));
-        let own = after(Optimizer::new(1e-8), module(), &[BIAS, BIAS]).1;
-        assert_eq!(gone_on[1], values(&own)[1]);
-    }
-
-    /// So that files of optimisers whose parameters all learn in every step are what they were.
-    #[test]
-    fn where_every_step_has_all_gradients_nothing_is_noted() {
-        let optimizer = after(Optimizer::new(1e-8), module(), &[BOTH, BOTH, BOTH]).0;
-        let names: Vec<String> = optimizer.to_tensors("saved").into_keys().collect();
-        assert_eq!(names, ["saved.first.bias", "saved.first.weight", "saved.second.bias", "saved.second.weight"]);
-    }
-}
+mod tests;

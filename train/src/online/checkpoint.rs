@@ -10,12 +10,15 @@ use vibes_data::RunFolder;
 use vibes_model::behaviour::Behaviour;
 use vibes_model::checkpoint::{load_tensors, save_tensors};
 use vibes_model::guard::Guard;
+use vibes_model::parameters::HostTensors;
 use vibes_model::returns::ReturnScale;
 
 use crate::checkpoints;
 use crate::error::{Result, TrainError, io, malformed};
 use crate::json::{is_zero, write_json};
 use crate::learners::behaviour::BehaviourLearner;
+use crate::learners::behaviour::guard::GuardLearner;
+use crate::learners::optimizer::counts;
 use crate::learners::world::Learner;
 use crate::run::{Run, State};
 
@@ -135,11 +138,20 @@ fn take_up(
     let mut behaviour = BehaviourLearner::new(behaviour, device).guarded(guard);
     let place = folder.join(MOMENTS);
     let (moments, _) = load_tensors(&place)?;
-    behaviour.actor_optimizer.restore("actor", (&moments, &place), online.actor_steps, device)?;
-    behaviour.critic_optimizer.restore("critic", (&moments, &place), online.critic_steps, device)?;
-    if let Some(guard) = &mut behaviour.guard {
-        guard.optimizer.restore("guard", (&moments, &place), online.guard_steps, device)?;
-    }
+    restore(&mut behaviour, online, (&moments, &place), device)?;
     behaviour.scale = online.scale;
     Ok(Resumed { learner, behaviour, world, online })
+}
+
+fn restore(
+    learner: &mut BehaviourLearner,
+    online: OnlineState,
+    from: (&HostTensors, &Path),
+    device: &Device,
+) -> Result<()> {
+    let Behaviour { actor, critic, .. } = &learner.behaviour;
+    learner.actor_optimizer.restore("actor", &counts(actor), from, online.actor_steps, device)?;
+    learner.critic_optimizer.restore("critic", &counts(critic), from, online.critic_steps, device)?;
+    let Some(GuardLearner { guard, optimizer }) = &mut learner.guard else { return Ok(()) };
+    optimizer.restore("guard", &counts(&guard.members), from, online.guard_steps, device)
 }

@@ -292,7 +292,7 @@ impl Training<'_> {
         let guard = behaviour.guard.as_ref().and_then(|guard| guard.guard.first_not_finite());
         if let Some(value) = behaviour.behaviour.first_not_finite().or(guard) {
             let error = TrainError::NotFinite { what: "a weight of actor, critic or guard", value };
-            return Err(self.setup.run.diverged(error, self.session.state.update));
+            return Err(self.setup.run.diverged(error, self.session.state.update.saturating_sub(1)));
         }
         self.state.actor_steps = behaviour.actor_optimizer.steps();
         self.state.critic_steps = behaviour.critic_optimizer.steps();

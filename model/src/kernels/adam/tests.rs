@@ -56,3 +56,13 @@ fn four_steps_are_those_of_the_published_formula() {
         (parameter, moments) = (next, Some(made));
     }
 }
+
+/// On `flex` the loop would end with the shortest of them, and the rest of the weights would stay where they are.
+#[test]
+#[should_panic(expected = "of one shape")]
+fn moments_of_fewer_numbers_are_none_of_the_parameter() {
+    let device = Device::flex();
+    let [parameter, gradient] = [1.0, 2.0].map(|value| Tensor::<1>::full([4], value, &device));
+    let [first, second] = [0.0, 0.0].map(|value| Tensor::<1>::full([3], value, &device));
+    let _ = Adam::default().update(parameter, gradient, Some(Moments { first, second }), 0.1, 1.0, 2);
+}

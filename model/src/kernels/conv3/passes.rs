@@ -6,6 +6,7 @@
 
 use super::geometry::{FILTERS, Layer};
 use crate::kernels::instructions::Instructions;
+use crate::kernels::lanes::{relu, relu_backward};
 use crate::kernels::product::Left;
 
 /// Rows of the output's gradient worked on at once: what fits into the first-level cache.
@@ -46,7 +47,7 @@ pub(super) fn forward<const REACH: usize>(
             || {
                 for position in output.chunks_exact_mut(FILTERS) {
                     for (value, bias) in position.iter_mut().zip(bias) {
-                        *value = (*value + bias).max(0.0);
+                        *value = relu(*value + bias);
                     }
                 }
             },
@@ -79,7 +80,7 @@ pub(super) fn mask(output: &[f32], gradient: &mut [f32], bias: &mut [f32], instr
         || {
             for (gradient, output) in gradient.chunks_exact_mut(FILTERS).zip(output.chunks_exact(FILTERS)) {
                 for ((gradient, output), bias) in gradient.iter_mut().zip(output).zip(bias.iter_mut()) {
-                    *gradient = if *output > 0.0 { *gradient } else { 0.0 };
+                    *gradient = relu_backward(*output, *gradient);
                     *bias += *gradient;
                 }
             }

@@ -8,6 +8,7 @@ use super::*;
 use crate::kernels::draws::Draws;
 use crate::kernels::instructions::Instructions;
 use crate::kernels::pixel_tensor;
+use crate::parameters::to_values;
 
 fn layers(first: usize, filters: usize, count: usize, draws: &mut Draws, device: &Device) -> Vec<Conv3Layer> {
     (0..count)
@@ -113,6 +114,25 @@ fn other_sizes_take_the_plain_path() {
     assert_eq!(features.dims(), [2, height * width * 8]);
     let gradients = features.sum().backward();
     assert_eq!(layers[0].weight.grad(&gradients).unwrap().dims(), [8, 9, 3, 3]);
+}
+
+/// As with Burn's own ReLU.
+#[test]
+fn what_is_no_number_stays_none_and_passes_gradients_on() {
+    let device = Device::flex().autodiff();
+    let mut layers = layers(9, 32, 2, &mut Draws::new(0), &device);
+    layers[0].bias = Tensor::full([32], f32::NAN, &device).require_grad();
+    let pixels = frames([2, 14, 14, 9], &device);
+    for instructions in [Instructions::Avx512, Instructions::Avx2, Instructions::Portable] {
+        if !instructions.available() {
+            continue;
+        }
+        let found = operation::features_with(&pixels, &layers, instructions).expect("the custom path");
+        assert!(to_values(found.clone().inner()).iter().all(|value| value.is_nan()), "{instructions:?}");
+        // One for each of the 4×4 places of both frames.
+        let bias = layers[1].bias.grad(&found.sum().backward()).unwrap();
+        assert_eq!(to_values(bias), [32.0; 32], "{instructions:?}");
+    }
 }
 
 #[test]

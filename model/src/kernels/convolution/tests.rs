@@ -5,6 +5,7 @@ use burn::tensor::{Device, Int, Tensor};
 use super::*;
 use crate::kernels::draws::Draws;
 use crate::kernels::instructions::Instructions;
+use crate::parameters::to_values;
 
 fn layers(channels: &[[usize; 2]], device: &Device) -> Vec<ConvLayer> {
     let mut draws = Draws::new(0);
@@ -116,6 +117,22 @@ fn other_backends_take_the_plain_path() {
     assert!(operation::features(&pixels, &layers).is_none());
     let gradients = features(pixels, &layers).sum().backward();
     assert_eq!(layers[0].weight.grad(&gradients).unwrap().dims(), [4, 3, 4, 4]);
+}
+
+/// As with Burn's own ReLU.
+#[test]
+fn what_is_no_number_stays_none_and_passes_gradients_on() {
+    let device = Device::flex().autodiff();
+    let mut layers = layers(&[[3, 8], [8, 8]], &device);
+    layers[0].bias = Tensor::full([8], f32::NAN, &device).require_grad();
+    let pixels = frames([2, 14, 14, 3], &device);
+    for instructions in ALL.into_iter().filter(|set| set.available()) {
+        let found = operation::features_with(&pixels, &layers, instructions).expect("the custom path");
+        assert!(to_values(found.clone().inner()).iter().all(|value| value.is_nan()), "{instructions:?}");
+        // One for each of the 2×2 places of both frames.
+        let bias = layers[1].bias.grad(&found.sum().backward()).unwrap();
+        assert_eq!(to_values(bias), [8.0; 8], "{instructions:?}");
+    }
 }
 
 #[test]

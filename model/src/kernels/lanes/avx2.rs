@@ -5,7 +5,7 @@
 #![allow(unsafe_code, reason = "the instructions exist only where `HasAvx2` was made")]
 
 use std::arch::x86_64::{
-    __m256, _CMP_GT_OQ, _mm256_add_ps, _mm256_and_ps, _mm256_cmp_ps, _mm256_fmadd_ps, _mm256_loadu_ps, _mm256_max_ps,
+    __m256, _CMP_NLE_UQ, _mm256_add_ps, _mm256_and_ps, _mm256_cmp_ps, _mm256_fmadd_ps, _mm256_loadu_ps, _mm256_max_ps,
     _mm256_set1_ps, _mm256_setzero_ps, _mm256_storeu_ps, _mm256_sub_ps,
 };
 
@@ -73,10 +73,10 @@ impl Lanes for Pair {
 
     #[inline(always)]
     fn positive(self) -> Self {
-        // SAFETY: as in `plus`.
+        // SAFETY: as in `plus`. Where one operand is no number the result is the second.
         unsafe {
             let zero = _mm256_setzero_ps();
-            Self(_mm256_max_ps(self.0, zero), _mm256_max_ps(self.1, zero))
+            Self(_mm256_max_ps(zero, self.0), _mm256_max_ps(zero, self.1))
         }
     }
 
@@ -85,7 +85,7 @@ impl Lanes for Pair {
         // SAFETY: as in `plus`.
         unsafe {
             let zero = _mm256_setzero_ps();
-            let open = |gate| _mm256_cmp_ps::<_CMP_GT_OQ>(gate, zero);
+            let open = |gate| _mm256_cmp_ps::<_CMP_NLE_UQ>(gate, zero);
             Self(_mm256_and_ps(open(gate.0), self.0), _mm256_and_ps(open(gate.1), self.1))
         }
     }

@@ -3,7 +3,7 @@
 #![allow(unsafe_code, reason = "the instructions exist only where `HasAvx512` was made")]
 
 use std::arch::x86_64::{
-    __m512, _CMP_GT_OQ, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_maskz_mov_ps,
+    __m512, _CMP_NLE_UQ, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_maskz_mov_ps,
     _mm512_max_ps, _mm512_set1_ps, _mm512_setzero_ps, _mm512_storeu_ps, _mm512_sub_ps,
 };
 
@@ -61,13 +61,13 @@ impl Lanes for Register {
 
     #[inline(always)]
     fn positive(self) -> Self {
-        // SAFETY: as in `plus`.
-        Self(unsafe { _mm512_max_ps(self.0, _mm512_setzero_ps()) })
+        // SAFETY: as in `plus`. Where one operand is no number the result is the second.
+        Self(unsafe { _mm512_max_ps(_mm512_setzero_ps(), self.0) })
     }
 
     #[inline(always)]
     fn where_open(self, gate: Self) -> Self {
         // SAFETY: as in `plus`.
-        Self(unsafe { _mm512_maskz_mov_ps(_mm512_cmp_ps_mask::<_CMP_GT_OQ>(gate.0, _mm512_setzero_ps()), self.0) })
+        Self(unsafe { _mm512_maskz_mov_ps(_mm512_cmp_ps_mask::<_CMP_NLE_UQ>(gate.0, _mm512_setzero_ps()), self.0) })
     }
 }

@@ -38,3 +38,20 @@ fn instructions_agree() {
         }
     }
 }
+
+/// A training that has diverged must not look like one whose units are off.
+#[test]
+fn what_is_no_number_stays_none_and_passes_gradients_on() {
+    let numbers = numbers();
+    let (regular, odd) = (&numbers[..LANES], &numbers[LANES..2 * LANES]);
+    let none = odd.iter().position(|number| number.is_nan()).expect("one that is no number");
+    let sets = [Instructions::Avx512, Instructions::Avx2, Instructions::Portable];
+    for set in sets.into_iter().filter(|set| set.available()) {
+        let [mut of_odd, mut of_regular] = [vec![9.0; 8 * LANES], vec![9.0; 8 * LANES]];
+        with_lanes!(set, everything(odd, odd, &mut of_odd));
+        with_lanes!(set, everything(regular, odd, &mut of_regular));
+        let (positive, open) = (of_odd[5 * LANES + none], of_regular[6 * LANES + none]);
+        assert!(positive.is_nan(), "{set:?}: {positive}");
+        assert_eq!(open, regular[none], "{set:?}");
+    }
+}

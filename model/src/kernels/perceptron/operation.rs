@@ -164,3 +164,21 @@ impl Perceptron {
         found
     }
 }
+
+/// Gradients of the sum of a perceptron's outputs: those of the input and of all weights and biases, where they are wanted.
+#[cfg(test)]
+pub(super) fn gradients(x: &[f32], layers: &[LayerWeights; 3], [wants_x, wants_weights]: [bool; 2]) -> [Vec<f32>; 7] {
+    let widths = [0, 1, 2].map(|layer| layers[layer].0.dims());
+    let [[input, first], [_, second], [_, output]] = widths;
+    let rows = x.len() / input;
+    let perceptron = Perceptron { rows, widths: [input, first, second, output], instructions: Instructions::best() };
+    let held = |tensor: &Tensor<2>| flex::unfollowed(tensor.clone()).expect("a constant");
+    let bias = |tensor: &Tensor<1>| flex::unfollowed(tensor.clone()).expect("a constant");
+    let [(w1, b1), (w2, b2), (w3, b3)] = layers;
+    let x = flex::tensor(x.to_vec(), [rows, input]);
+    let tensors = [x, held(w1), bias(b1), held(w2), bias(b2), held(w3), bias(b3)];
+    let (_, kept) = perceptron.forward(&tensors, true).expect("an output");
+    let mut wanted = [wants_weights; 7];
+    wanted[0] = wants_x;
+    perceptron.backward(&tensors, &kept, &vec![1.0; rows * output], wanted)
+}

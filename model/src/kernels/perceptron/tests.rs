@@ -62,16 +62,42 @@ fn it_is_the_composition_of_plain_operations_in_both_passes() {
     }
 }
 
+/// Rows enough for the operation to be the custom one.
+const ROWS: usize = LEAST_ROWS + 4;
+
+fn fixed(rng: &mut ChaCha8Rng, device: &Device) -> [LayerWeights; 3] {
+    [[6, 8], [8, 8], [8, 2]].map(|shape: [usize; 2]| {
+        (random(shape, 0.5, rng, device).inner(), random([shape[1]], 0.5, rng, device).inner())
+    })
+}
+
 /// Of constants no gradient is asked for, and the input's is the same as ever.
 #[test]
 fn a_fixed_perceptron_passes_gradients_to_its_input_alone() {
     let device = Device::flex().autodiff();
     let mut rng = ChaCha8Rng::seed_from_u64(9);
-    let x: Tensor<2> = random([7, 6], 1.0, &mut rng, &device);
-    let layers = [[6, 8], [8, 8], [8, 2]].map(|shape: [usize; 2]| {
-        (random(shape, 0.5, &mut rng, &device).inner(), random([shape[1]], 0.5, &mut rng, &device).inner())
-    });
-    let found = x.grad(&perceptron(x.clone(), layers.clone()).sum().backward()).unwrap();
-    let wanted = x.grad(&plain::perceptron(x.clone(), layers).sum().backward()).unwrap();
-    close(&to_values(found), &to_values(wanted), "input");
+    let x: Tensor<2> = random([ROWS, 6], 1.0, &mut rng, &device);
+    let layers = fixed(&mut rng, &device);
+    let wanted = x.grad(&plain::perceptron(x.clone(), layers.clone()).sum().backward()).unwrap();
+    for instructions in [Instructions::Avx512, Instructions::Avx2, Instructions::Portable] {
+        if instructions.available() {
+            let found = operation::perceptron(x.clone(), &layers, instructions).unwrap();
+            let found = x.grad(&found.sum().backward()).unwrap();
+            close(&to_values(found), &to_values(wanted.clone()), "input");
+        }
+    }
+}
+
+/// What is not asked for is not computed either.
+#[test]
+fn a_lane_finds_what_is_wanted_and_nothing_else() {
+    let device = Device::flex().autodiff();
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let x: Vec<f32> = normal(ROWS * 6, &mut rng);
+    let layers = fixed(&mut rng, &device);
+    let both = operation::gradients(&x, &layers, [true, true]);
+    let [of_x, of_weights] = [[true, false], [false, true]].map(|wanted| operation::gradients(&x, &layers, wanted));
+    assert_eq!(both.each_ref().map(Vec::len), [ROWS * 6, 48, 8, 64, 8, 16, 2]);
+    assert!(of_x[0] == both[0] && of_x[1..].iter().all(Vec::is_empty));
+    assert!(of_weights[0].is_empty() && of_weights[1..] == both[1..]);
 }

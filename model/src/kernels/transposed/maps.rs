@@ -7,6 +7,7 @@
 use rayon::prelude::*;
 
 use super::layout::{SIDE, Sizes};
+use crate::kernels::lanes::{relu, relu_backward};
 use crate::kernels::memory::Buffer;
 use crate::kernels::product::{Left, PANEL};
 
@@ -46,7 +47,7 @@ impl Sizes {
                         falls.iter_mut().zip(&product[at..at + len]).for_each(|(sum, value)| *sum += value);
                     });
                     if self.relu {
-                        output.iter_mut().for_each(|value| *value = value.max(0.0));
+                        output.iter_mut().for_each(|value| *value = relu(*value));
                     }
                 },
             );
@@ -98,7 +99,7 @@ impl Sizes {
             #[inline(always)]
             || {
                 for (open, (output, gradient)) in open.iter_mut().zip(output.iter().zip(gradient)) {
-                    *open = if !self.relu || *output > 0.0 { *gradient } else { 0.0 };
+                    *open = if self.relu { relu_backward(*output, *gradient) } else { *gradient };
                 }
                 for pixel in open.chunks_exact(self.out_channels) {
                     sums.bias.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += value);

@@ -58,6 +58,21 @@ fn agrees_with_the_ordinary_transposed_convolution() {
     }
 }
 
+/// As with Burn's own ReLU.
+#[test]
+fn what_is_no_number_stays_none_and_passes_gradients_on() {
+    let bias = Tensor::full([4], f32::NAN, &Device::flex().autodiff()).require_grad();
+    let layer = TransposedLayer { weight: leaf([3, 4, 4, 4], 2), bias, padding: [0, 0], relu: true };
+    let sets = [Instructions::Avx512, Instructions::Avx2, Instructions::Portable];
+    for instructions in sets.into_iter().filter(|set| set.available()) {
+        let y = operation::transposed(&leaf([1, 2, 2, 3], 1), &layer, instructions).expect("runs on flex");
+        let gradients = y.clone().sum().backward();
+        assert!(to_values(y).iter().all(|value| value.is_nan()), "{instructions:?}");
+        // One for each of the 6×6 places.
+        assert_eq!(to_values(layer.bias.grad(&gradients).expect("of the bias")), [36.0; 4], "{instructions:?}");
+    }
+}
+
 #[test]
 fn the_number_of_threads_does_not_matter() {
     let on = |threads: usize| {

@@ -89,7 +89,7 @@ pub(super) struct WorldArgs {
     /// Act on vector observations; nothing is drawn.
     #[arg(long)]
     no_pixels: bool,
-    /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite pixel by pixel [default: fast].
+    /// The look of the pictures: fast, or suite, which agrees with the Distracting Control Suite to half a level of 255 on average [default: fast].
     #[arg(long, conflicts_with = "no_pixels")]
     render: Option<Look>,
     /// Control steps an action is held [default: the task's].

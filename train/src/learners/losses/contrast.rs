@@ -37,5 +37,6 @@ pub fn next_feature(predictions: Tensor<2>, features: Tensor<2>, temperature: Te
 fn own_partner(logits: Tensor<2>) -> Tensor<1> {
     let rows = logits.dims()[0];
     let own = Tensor::<2>::eye(rows, &logits.device());
-    (log_softmax(logits, 1) * own).sum().neg() / rows as f32
+    // Row by row: of millions of numbers at once the sum would depend on the number of threads.
+    (log_softmax(logits, 1) * own).sum_dim(1).sum().neg() / rows as f32
 }

@@ -14,11 +14,14 @@ pub enum Penalty {
 /// Mean penalty over all pairs (and dimensions, where distances have them): `[1]`.
 pub fn pair_loss<const D: usize>(distance: Tensor<D>, target: Tensor<D>, penalty: Penalty) -> Tensor<1> {
     let error = distance - target.detach();
-    match penalty {
+    let penalties = match penalty {
         Penalty::Squared => error.square(),
         Penalty::Huber => huber(error),
-    }
-    .mean()
+    };
+    let count = penalties.shape().num_elements() as f32;
+    // Row by row: of millions of numbers at once the sum would depend on the number of threads.
+    let sum = (0..D).rev().fold(penalties, |sums, dim| sums.sum_dim(dim));
+    sum.reshape([1_usize]) / count
 }
 
 /// Half the square of an error up to 1, linear beyond ("smooth L1").

@@ -4,14 +4,13 @@
 use std::path::Path;
 
 use burn::tensor::Device;
-use vibes_model::parameters::read_parameters;
 use vibes_model::recurrent::RecurrentNetworks;
 use vibes_model::recurrent::networks::FILE;
 
 use super::update::{Optimizers, RecurrentLearner};
 use crate::error::Result;
 use crate::learners::moments::{self, Files};
-use crate::learners::optimizer::Optimizer;
+use crate::learners::optimizer::{Counts, Optimizer, counts};
 
 const FILES: Files = Files { moments: "recurrent_optimizer.safetensors", steps: "recurrent.json" };
 
@@ -29,10 +28,7 @@ impl RecurrentLearner {
     /// # Errors
     /// A weight is no number, or the folder cannot be written.
     pub fn save(&self, folder: &Path) -> Result<()> {
-        let mut weights = read_parameters(&self.networks.world, "world");
-        weights.extend(read_parameters(&self.networks.critic, "critic"));
-        weights.extend(read_parameters(&self.networks.actor, "actor"));
-        moments::finite(&weights)?;
+        moments::finite(&self.networks.parameters())?;
         self.networks.save(&folder.join(FILE))?;
         moments::save(folder, FILES, &mut self.optimizers.clone().named())
     }
@@ -43,7 +39,14 @@ impl RecurrentLearner {
     /// A file is missing or damaged.
     pub fn load(folder: &Path, device: &Device) -> Result<Self> {
         let mut learner = Self::new(RecurrentNetworks::load(&folder.join(FILE), device)?, device);
-        moments::load(folder, FILES, &mut learner.optimizers.named(), device)?;
+        let counts = counts_of(&learner.networks);
+        moments::load(folder, FILES, learner.optimizers.named(), counts, device)?;
         Ok(learner)
     }
+}
+
+/// Of each group of parameters, as [`Optimizers::named`] has them.
+fn counts_of(networks: &RecurrentNetworks) -> [Counts; 4] {
+    let RecurrentNetworks { world, critic, actor, temperature, .. } = networks;
+    [counts(world), counts(critic), counts(actor), counts(temperature)]
 }

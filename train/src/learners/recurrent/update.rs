@@ -72,7 +72,7 @@ impl RecurrentLearner {
     /// Makes one update; `rng` is for views, latents and actions.
     ///
     /// # Errors
-    /// A loss is no longer a number; the learner is gone then, and its last checkpoint is where to go on. Or the windows do not fit.
+    /// A loss or a gradient is no longer a number; the learner is gone then, and its last checkpoint is where to go on. Or the windows do not fit.
     pub fn update(
         mut self,
         windows: &WindowBatch,
@@ -100,6 +100,8 @@ impl RecurrentLearner {
         let mut gradients = loss.backward();
         let of_model = NamedGradients::take(&self.networks.world, &mut gradients);
         let of_critic = NamedGradients::take(&self.networks.critic, &mut gradients);
+        finite("the model's gradient norm", of_model.norm(""))?;
+        finite("the critics' gradient norm", of_critic.norm(""))?;
         let Optimizers { model, critic, .. } = &mut self.optimizers;
         self.networks.world = model.step(self.networks.world, of_model, options.model_lr, CLIPS[0]);
         self.networks.critic = critic.step(self.networks.critic, of_critic, options.lr, CLIPS[1]);
@@ -170,9 +172,11 @@ impl RecurrentLearner {
         measures.actor_loss = Some(finite("the actor's loss", scalar(&loss))?);
         measures.entropy = Some(-log_prob.clone().mean().into_scalar::<f32>());
         let gradients = NamedGradients::take(&actor, &mut loss.backward());
+        finite("the actor's gradient norm", gradients.norm(""))?;
         self.networks.actor = self.optimizers.actor.step(actor, gradients, options.lr, CLIPS[2]);
         let loss = temperature_loss(self.networks.temperature.log.val(), log_prob, -(width as f32));
         let gradients = NamedGradients::take(&self.networks.temperature, &mut loss.backward());
+        finite("the temperature's gradient norm", gradients.norm(""))?;
         let Self { networks, optimizers, .. } = &mut self;
         let module = networks.temperature.clone();
         networks.temperature = optimizers.temperature.step(module, gradients, options.temperature_lr, CLIPS[3]);

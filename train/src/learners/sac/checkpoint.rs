@@ -9,14 +9,13 @@
 use std::path::Path;
 
 use burn::tensor::Device;
-use vibes_model::parameters::read_parameters;
 use vibes_model::sac::SacNetworks;
 use vibes_model::sac::networks::FILE as NETWORKS;
 
 use super::update::{Optimizers, SacLearner};
 use crate::error::Result;
 use crate::learners::moments::{self, Files};
-use crate::learners::optimizer::Optimizer;
+use crate::learners::optimizer::{Counts, Optimizer, counts};
 
 const FILES: Files = Files { moments: "sac_optimizer.safetensors", steps: "sac.json" };
 
@@ -34,11 +33,7 @@ impl SacLearner {
     /// # Errors
     /// A weight is no number, or the folder cannot be written.
     pub fn save(&self, folder: &Path) -> Result<()> {
-        let mut weights = read_parameters(&self.networks.critic, "critic");
-        if let Some(actor) = &self.networks.actor {
-            weights.extend(read_parameters(actor, "actor"));
-        }
-        moments::finite(&weights)?;
+        moments::finite(&self.networks.parameters())?;
         self.networks.save(&folder.join(NETWORKS))?;
         moments::save(folder, FILES, &mut self.optimizers.clone().named())
     }
@@ -49,7 +44,14 @@ impl SacLearner {
     /// A file is missing or damaged.
     pub fn load(folder: &Path, device: &Device) -> Result<Self> {
         let mut learner = Self::new(SacNetworks::load(&folder.join(NETWORKS), device)?, device);
-        moments::load(folder, FILES, &mut learner.optimizers.named(), device)?;
+        let counts = counts_of(&learner.networks);
+        moments::load(folder, FILES, learner.optimizers.named(), counts, device)?;
         Ok(learner)
     }
+}
+
+/// Of each group of parameters, as [`Optimizers::named`] has them.
+fn counts_of(networks: &SacNetworks) -> [Counts; 4] {
+    let SacNetworks { critic, further, actor, temperature, .. } = networks;
+    [counts(critic), counts(further), actor.as_ref().map(counts).unwrap_or_default(), counts(temperature)]
 }

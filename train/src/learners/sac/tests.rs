@@ -1,11 +1,12 @@
 //! On pictures whose brightness says which action is best, with no future: the optimum is known. And what must hold of every update.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use burn::module::Module;
 use burn::tensor::Device;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use vibes_model::actions::Choice;
-use vibes_model::parameters::read_parameters;
+use vibes_model::parameters::{read_parameters, write_parameters};
 use vibes_model::sac::{SacAgent, SacNetworks};
 
 use super::augment::Augment;
@@ -219,4 +220,43 @@ fn a_loss_that_is_no_number_is_an_error() {
     batch.rewards[0] = f32::NAN;
     let error = learner(&options).update(&batch, &options, 0, &mut rng).unwrap_err().to_string();
     assert!(error.contains("critics' loss"), "{error}");
+}
+
+#[test]
+fn no_weight_that_is_no_number_is_saved_wherever_it_is() {
+    let options = options("curl");
+    let sound = learner(&options);
+    let refused = |change: &dyn Fn(&mut SacNetworks)| {
+        let mut learner = sound.clone();
+        change(&mut learner.networks);
+        let folder = tempfile::tempdir().unwrap();
+        let error = learner.save(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("a weight") && !folder.path().join("sac.safetensors").exists(), "{error}");
+    };
+    refused(&|networks| networks.temperature = overflowed(networks.temperature.clone()));
+    refused(&|networks| networks.slow = overflowed(networks.slow.clone()));
+    refused(&|networks| networks.further = overflowed(networks.further.clone()));
+}
+
+/// The module with weights that are no numbers.
+fn overflowed<M: Module>(module: M) -> M {
+    let mut tensors = read_parameters(&module, "all");
+    tensors.values_mut().for_each(|tensor| tensor.values.fill(f32::NAN));
+    write_parameters(module, "all", &tensors).unwrap()
+}
+
+/// Adam would move the first of the weights and leave the rest.
+#[test]
+fn moments_of_other_networks_are_refused() {
+    let options = options("sac-drq");
+    let [own, other] = [16, 12].map(|feature| SacOptions { feature, ..options.clone() });
+    let folders = [own, other].map(|options| {
+        let folder = tempfile::tempdir().unwrap();
+        updated(&learner(&options), &options, 0).save(folder.path()).unwrap();
+        folder
+    });
+    let [own, other] = folders.each_ref().map(|folder| folder.path().join("sac_optimizer.safetensors"));
+    std::fs::copy(other, own).unwrap();
+    let error = SacLearner::load(folders[0].path(), &Device::flex()).unwrap_err().to_string();
+    assert!(error.contains("moments of 416 weights of first.first.weight") && error.contains("has 544"), "{error}");
 }

@@ -88,7 +88,7 @@ impl SacLearner {
     /// Makes one update, after `made` others; `rng` is for views, actions and partners.
     ///
     /// # Errors
-    /// A loss is no longer a number; the learner is gone then, and its last checkpoint is where to go on.
+    /// A loss or a gradient is no longer a number; the learner is gone then, and its last checkpoint is where to go on.
     pub fn update(
         mut self,
         batch: &Transitions,
@@ -174,20 +174,23 @@ impl SacLearner {
         let mut gradients = loss.backward();
         let of_critic = NamedGradients::take(&self.networks.critic, &mut gradients);
         let of_further = NamedGradients::take(&self.networks.further, &mut gradients);
+        finite("the critics' gradient norm", of_critic.norm(""))?;
+        finite("the auxiliary loss's gradient norm", of_further.norm(""))?;
         self.networks.critic = self.optimizers.critic.step(self.networks.critic, of_critic, options.lr, NO_CLIP);
         self.networks.further = self.optimizers.further.step(self.networks.further, of_further, options.lr, NO_CLIP);
         if options.auxiliary.sequence() > 0 {
-            self = self.trunk_step(&mut gradients, options);
+            self = self.trunk_step(&mut gradients, options)?;
         }
         Ok(self)
     }
 
     /// What stands beside the critics' loss looks through the actor's trunk, which learns from it by the actor's Adam.
-    fn trunk_step(mut self, gradients: &mut Gradients, options: &SacOptions) -> Self {
-        let Some(actor) = self.networks.actor.take() else { return self };
+    fn trunk_step(mut self, gradients: &mut Gradients, options: &SacOptions) -> Result<Self> {
+        let Some(actor) = self.networks.actor.take() else { return Ok(self) };
         let of_trunk = NamedGradients::take(&actor, gradients);
+        finite("the trunk's gradient norm", of_trunk.norm(""))?;
         self.networks.actor = Some(self.optimizers.actor.step(actor, of_trunk, options.lr, NO_CLIP));
-        self
+        Ok(self)
     }
 
     fn actor_step(
@@ -210,9 +213,11 @@ impl SacLearner {
         measures.actor_loss = Some(finite("the actor's loss", scalar(&loss))?);
         measures.entropy = Some(-log_prob.clone().mean().into_scalar::<f32>());
         let gradients = NamedGradients::take(&actor, &mut loss.backward());
+        finite("the actor's gradient norm", gradients.norm(""))?;
         self.networks.actor = Some(self.optimizers.actor.step(actor, gradients, options.lr, NO_CLIP));
         let loss = temperature_loss(self.networks.temperature.log.val(), log_prob, -(width as f32));
         let gradients = NamedGradients::take(&self.networks.temperature, &mut loss.backward());
+        finite("the temperature's gradient norm", gradients.norm(""))?;
         let module = self.networks.temperature;
         self.networks.temperature =
             self.optimizers.temperature.step(module, gradients, options.temperature_lr, NO_CLIP);

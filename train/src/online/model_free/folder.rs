@@ -189,7 +189,7 @@ impl Folder {
     /// A weight is no number, or the folder cannot be written.
     pub fn save(&self, learner: &ModelFreeLearner, state: State) -> Result<()> {
         checkpoints::put(&self.folder, state.update, KEEP, |folder| {
-            learner.save(folder).map_err(|error| self.diverged(error, state.update))?;
+            learner.save(folder).map_err(|error| self.diverged(error, state.update.saturating_sub(1)))?;
             write_json(&folder.join(STATE), &state)
         })?;
         write_model_free_summary(self.places())
