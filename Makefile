@@ -11,6 +11,9 @@ export PATH := $(CARGO_TARGET_DIR)/debug:$(PATH)
 linted := RUSTC_WORKSPACE_WRAPPER=clippy-driver CLIPPY_ARGS=-Dwarnings
 python = $(shell setup/python.sh --where)/bin
 
+# With -j too: every step either builds with all cores or needs what the step before it has made.
+.NOTPARALLEL:
+
 .PHONY: setup build demo demo-online check test tools bench stress gpu-test
 
 setup: ## MuJoCo, the suite's models, EGL

@@ -44,16 +44,19 @@ done
 
 step "How far it got"
 vibes-train evaluate "$run" "$grid" --gap-updates 0
-# Updates made, and the verdict: is most of what varies the state?
-read -r updates verdict < <(
-    { vibes-train info "$run" --json; cat "$run/evaluation.json"; } | python3 -c '
-import json, sys
-decode, text = json.JSONDecoder(), sys.stdin.read()
-info, end = decode.raw_decode(text)
-state = decode.raw_decode(text[end:].lstrip())[0]["report"]["numbers"]["state_share"]["estimate"]
-print(info["last"]["update"], "it follows cart and pole; on which side the pole is comes later" if state >= 0.8 else "barely trained")'
+# Updates and minutes of the newest checkpoint, over every time that training went on, and the verdict: is most of what varies the state?
+note=$(python3 - "$run" <<'PY'
+import json, pathlib, sys
+
+run = pathlib.Path(sys.argv[1])
+newest = max((run / "checkpoints").glob("*/state.json"), key=lambda path: int(path.parent.name))
+trained = json.loads(newest.read_text())
+state = json.loads((run / "evaluation.json").read_text())["report"]["numbers"]["state_share"]["estimate"]
+minutes = f"{trained['seconds'] / 60:.1f}".removesuffix(".0")
+verdict = "it follows cart and pole; on which side the pole is comes later" if state >= 0.8 else "barely trained"
+print(f"{trained['update']} updates from nothing in {minutes} minutes: {verdict}")
+PY
 )
-note="$updates updates from nothing in $minutes minutes: $verdict"
 latents=$run/latents.arrow
 
 step "Analysing"

@@ -43,8 +43,10 @@ def main():
             for row in found:
                 run.log(row, step=row["update"])
             time.sleep(0 if code is not None else 1)
-        told = json.loads((folder / "run.json").read_text())
-        run.config.update(told["options"], allow_val_change=True)
+        # A training that ended before its run was there has no options; its exit code is told either way.
+        if (folder / "run.json").exists():
+            told = json.loads((folder / "run.json").read_text())
+            run.config.update(told["options"], allow_val_change=True)
     sys.exit(code)
 
 

@@ -4,18 +4,19 @@
 set -euo pipefail
 
 # Whether a program runs and is no snap, which may not read hidden folders and sees a /tmp of its own. Ubuntu's package `chromium-browser` is a script that runs the snap.
+# analyze/tests/cli/browser.rs asks the same.
 fits() {
     local path
     path=$(command -v "$1") && "$1" --version >/dev/null 2>&1 || return 1
     case $(readlink -f "$path") in */snap | /snap/*) return 1 ;; esac
-    ! grep -qsF /snap/bin "$path"
+    ! grep -qsIF /snap/bin "$path"
 }
 
 if [ -n "${CHROMIUM:-}" ]; then
     "$CHROMIUM" --version >/dev/null 2>&1 || { echo "setup: CHROMIUM does not run: $CHROMIUM" >&2; exit 1; }
     exit 0
 fi
-# In the order of analyze/tests/cli/browser.rs, which takes the first that runs.
+# In the order of analyze/tests/cli/browser.rs, which takes the first that fits.
 for name in google-chrome chromium chromium-browser; do
     if fits "$name"; then exit 0; fi
 done
@@ -32,9 +33,10 @@ if [ "$(id -u)" = 0 ]; then sudo=""; elif sudo -n true 2>/dev/null; then sudo="s
     exit 1
 fi
 echo "setup: installing chromium"
-export DEBIAN_FRONTEND=noninteractive
-$sudo apt-get update -qq
+# shellcheck source=setup/apt.sh
+. "$(dirname "$0")/apt.sh"
+apt_update
 # Read whole: a pipe that is closed at the first match would count as a failure (pipefail).
 policy=$(apt-cache policy chromium 2>/dev/null || true)
 case "$policy" in *"Candidate: "[0-9]*) ;; *) missing ;; esac
-$sudo apt-get install -y -qq --no-install-recommends chromium >/dev/null
+apt_install chromium

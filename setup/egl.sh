@@ -18,7 +18,8 @@ if [ "$(id -u)" = 0 ]; then sudo=""; elif sudo -n true 2>/dev/null; then sudo="s
     exit 1
 fi
 echo "setup: installing $packages"
-export DEBIAN_FRONTEND=noninteractive
-$sudo apt-get update -qq
+# shellcheck source=setup/apt.sh
+. "$(dirname "$0")/apt.sh"
+apt_update
 # shellcheck disable=SC2086 — the list is meant to be split
-$sudo apt-get install -y -qq --no-install-recommends $packages >/dev/null
+apt_install $packages

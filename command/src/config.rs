@@ -3,7 +3,7 @@
 //! In: a program's clap command and the arguments as typed. Out: the arguments with the file's options among them, which clap then checks all
 //! alike.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
@@ -25,7 +25,7 @@ pub(crate) struct Expanded {
 
 /// The command with `--config` among its options.
 pub(crate) fn with_option(command: Command) -> Command {
-    let help = "Take options from a TOML file: `key = value` as in `--key value`, for the verb at hand or under `[VERB]`; options on the command line win over it";
+    let help = "Take options from a TOML file: `key = value` as in `--key value`, for the verb at hand or under `[VERB]`, which wins over the file's top; options on the command line win over it";
     command.arg(Arg::new(CONFIG).long(CONFIG).global(true).value_name("FILE.toml").help(help))
 }
 
@@ -37,15 +37,32 @@ pub(crate) fn expand(command: &mut Command, arguments: Vec<OsString>) -> Result<
     let text =
         std::fs::read_to_string(&file).with_context(|| format!("cannot read the options: {}", file.display()))?;
     let table: toml::Table = text.parse().with_context(|| format!("the options are not TOML: {}", file.display()))?;
-    let mut options = Vec::new();
-    let mut from_file = BTreeSet::new();
-    for (key, value) in entries(command, typed.verb, &table, &file)? {
-        let argument = argument_of(typed.verb, key, &file)?;
-        if typed.ids.iter().any(|id| id == argument.get_id().as_str() || conflict(typed.verb, argument, id)) {
-            continue;
+    // The verb's own table wins over the file's top, as what was typed wins over both.
+    let mut given = typed.ids;
+    let mut from_file: BTreeSet<String> = BTreeSet::new();
+    let mut options: Vec<OsString> = Vec::new();
+    let (top, own) = entries(command, typed.verb, &table, &file)?;
+    for level in [own, top] {
+        let mut keys: BTreeMap<&str, &str> = BTreeMap::new();
+        let mut here = Vec::new();
+        for (key, value) in level {
+            let argument = argument_of(typed.verb, key, &file)?;
+            let id = argument.get_id().as_str();
+            if let Some(before) = keys.insert(id, key) {
+                bail!("{before} and {key} are one option; name it once: {}", file.display());
+            }
+            if from_file.contains(id) || given.iter().any(|other| id == other || conflict(typed.verb, argument, other))
+            {
+                continue;
+            }
+            here.push((id, words(argument, key, value).with_context(|| file.display().to_string())?));
         }
-        from_file.insert(argument.get_id().to_string());
-        options.extend(words(argument, key, value).with_context(|| file.display().to_string())?);
+        // What is set to false is said by no word, and stands beside everything.
+        given.extend(here.iter().filter(|(_, words)| !words.is_empty()).map(|(id, _)| (*id).to_owned()));
+        from_file.extend(here.iter().map(|(id, _)| (*id).to_owned()));
+        let mut level: Vec<OsString> = here.into_iter().flat_map(|(_, words)| words).collect();
+        level.append(&mut options);
+        options = level;
     }
     let mut all = Vec::new();
     for (place, word) in arguments.into_iter().enumerate() {
@@ -145,29 +162,32 @@ fn takes_next(argument: &Arg, next: Option<&OsString>) -> bool {
     argument.get_action().takes_values() && !(may_stand_alone && is_option)
 }
 
+/// Keys of a file with their values.
+type Entries<'a> = Vec<(&'a str, &'a Value)>;
+
 /// The file's entries for the verb: those at its top, and those of the verb's own table.
 fn entries<'a>(
     program: &Command,
     verb: &Command,
     table: &'a toml::Table,
     file: &Path,
-) -> Result<Vec<(&'a str, &'a Value)>> {
-    let mut all = Vec::new();
+) -> Result<(Entries<'a>, Entries<'a>)> {
+    let (mut top, mut own) = (Vec::new(), Vec::new());
     for (key, value) in table {
         match value {
             Value::Table(inner) if program.find_subcommand(key).is_some() => {
                 if verb.get_name() == key {
-                    all.extend(inner.iter().map(|(key, value)| (key.as_str(), value)));
+                    own.extend(inner.iter().map(|(key, value)| (key.as_str(), value)));
                 }
             }
             Value::Table(_) => {
                 let verbs: Vec<&str> = program.get_subcommands().map(Command::get_name).collect();
                 bail!("no verb {key}; the verbs are {}: {}", verbs.join(", "), file.display());
             }
-            value => all.push((key.as_str(), value)),
+            value => top.push((key.as_str(), value)),
         }
     }
-    Ok(all)
+    Ok((top, own))
 }
 
 /// The verb's option of that name.

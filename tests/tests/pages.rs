@@ -1,4 +1,4 @@
-//! Laws over the pages for readers: links lead somewhere, and a command that a page shows names options that its verb has.
+//! Laws over the pages for readers: links lead somewhere, and a command that a page shows names a verb that there is, and options that this verb has.
 
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
@@ -84,7 +84,7 @@ fn options(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn every_command_of_a_page_names_options_that_its_verb_has() {
+fn every_command_of_a_page_names_a_verb_that_there_is_and_options_that_it_has() {
     let mut known: BTreeMap<String, Option<Vec<String>>> = BTreeMap::new();
     let mut help = |name: &str, verb: &str| {
         let found = || {
@@ -102,8 +102,16 @@ fn every_command_of_a_page_names_options_that_its_verb_has() {
             for command in commands(&text, name) {
                 let first = command.split_whitespace().next().unwrap_or_default();
                 let is_verb = first.chars().all(|c| c.is_ascii_lowercase());
-                // Words that are no verb end a sentence about the program.
-                let Some(there) = help(name, if is_verb { first } else { "" }) else { continue };
+                let there = help(name, if is_verb { first } else { "" });
+                // Words that are no verb end a sentence about the program, and no sentence has an option in it.
+                let Some(there) = there else {
+                    assert!(
+                        options(command).is_empty(),
+                        "{}: {name}{command}: there is no verb {first}",
+                        path.display()
+                    );
+                    continue;
+                };
                 for option in options(command) {
                     assert!(there.contains(&option), "{}: {name}{command}: there is no --{option}", path.display());
                     checked += 1;

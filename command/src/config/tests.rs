@@ -62,6 +62,22 @@ fn what_is_typed_wins_also_over_its_opposite() {
 }
 
 #[test]
+fn the_verbs_own_table_wins_over_the_top_of_the_file() {
+    for (line, text, wanted) in [
+        ("program nn --config FILE", "k = 7\n[nn]\nk = 5", "program nn --k=5"),
+        ("program umap --config FILE", "neighbours = 7\n[nn]\nk = 5", "program umap --neighbours=7"),
+        ("program nn --config FILE", "lr_decay = 7\n[nn]\nlr-decay = 5", "program nn --lr-decay=5"),
+        ("program nn --config FILE", "rows = [\"0:1\"]\n[nn]\nrows = [\"2:3\"]", "program nn --rows=2:3"),
+        ("program nn --config FILE", "quiet = true\n[nn]\nquiet = false", "program nn"),
+        ("program nn --config FILE", "quiet = true\n[nn]\nverbose = true", "program nn --verbose"),
+        ("program nn --config FILE", "quiet = true\n[nn]\nverbose = false", "program nn --quiet"),
+        ("program nn --config FILE --k 3", "k = 7\n[nn]\nk = 5", "program nn --k 3"),
+    ] {
+        assert_eq!(expanded(line, text).unwrap(), wanted, "{line} with {text}");
+    }
+}
+
+#[test]
 fn a_verb_is_not_mistaken_for_a_value() {
     assert_eq!(expanded("program --grid nn --config FILE", "seed = 1").unwrap(), "program --seed=1 --grid nn");
     assert_eq!(expanded("program nn umap --config FILE", "k = 1").unwrap(), "program nn --k=1 umap");
@@ -88,6 +104,7 @@ fn what_would_have_no_effect_is_an_error_that_names_what_there_is() {
         ("program nn --config FILE", "config = \"b.toml\"", "no option config of nn"),
         ("program nn --config FILE", "quiet = 3", "quiet = 3; it is true or false"),
         ("program nn --config FILE", "k = [[1]]", "a text, a number, true, false, or a list of them is right"),
+        ("program nn --config FILE", "lr_decay = 1\nlr-decay = 2", "lr-decay and lr_decay are one option"),
         ("program nn --config FILE", "k = ", "the options are not TOML"),
         ("program nn --config FILE --config FILE", "k = 1", "--config is there twice"),
         ("program nn --config none.toml", "", "cannot read the options: none.toml"),
