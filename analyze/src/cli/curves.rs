@@ -92,6 +92,7 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     outcome.files.push(path);
     outcome.json = document;
     outcome.remarks = remarks(&runs, &groups, &metrics, &curves);
+    outcome.remarks.extend(without_gaps(options, &runs));
     outcome.remarks.extend(gap_notes(&runs, metrics.iter().chain(&tabled)));
     // Behind the numbers: figures of very many runs are too large to draw.
     if curves.is_empty() {
@@ -151,12 +152,14 @@ fn remarks(runs: &[Run], groups: &Groups, metrics: &[Metric], curves: &[Shown<'_
     if broken > 0 {
         remarks.push(format!("{broken} lines of metrics could not be read and were left out"));
     }
-    if runs.iter().all(|r| !r.series.contains_key(DYNAMICS_GAP)) {
-        remarks.push(
-            "no held-out gaps to a bisimulation in these runs; `vibes-train evaluate RUN GRID` measures them".into(),
-        );
-    }
     remarks
+}
+
+/// That there are no gaps to a bisimulation, which the metrics that nobody chose have among them.
+fn without_gaps(options: &Options, runs: &[Run]) -> Option<String> {
+    let has_none = options.metrics.is_empty() && runs.iter().all(|run| !run.series.contains_key(DYNAMICS_GAP));
+    let text = "no held-out gaps to a bisimulation in these runs; `vibes-train evaluate RUN GRID` measures them";
+    has_none.then(|| text.to_owned())
 }
 
 /// What must be said of the gaps to a bisimulation among the metrics that are drawn or tabled: the same as of a table of them.
