@@ -1,5 +1,5 @@
 # Read by setup/egl.sh and setup/browser.sh: apt-get that waits while another process, such as the system's own updates, holds its locks.
-# In: `sudo`, the word in front of apt-get, empty for root.
+# In: `sudo`, the word in front of apt-get, empty for root; `APT_WAIT`, seconds between two tries at the lists (20).
 export DEBIAN_FRONTEND=noninteractive
 
 # The timeout is for dpkg's lock alone; that of the lists is asked for anew.

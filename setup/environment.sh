@@ -2,7 +2,8 @@
 # Installs the packages of a requirements file in a Python environment: setup/environment.sh [--anew] REQUIREMENTS FOLDER [OPTION OF PIP …]
 # In: the file. Out: the environment, made if it is not there. The file's copy in it comes last and says that all of it is installed, so that an installation
 # that was cut short goes on, and a file that has changed since is installed again; so is one whose Python has gone from the system. Comments do not count. With
-# --anew the old environment is removed first, so that no package of an older list is left; without, nothing is, because the folder may be the user's own.
+# --anew the old environment is removed first, so that no package of an older list is left; without, nothing is but links
+# to a Python that is gone, because the folder may be the user's own.
 set -euo pipefail
 
 anew=
@@ -30,7 +31,9 @@ if [ -n "$anew" ]; then rm -rf "$folder"; fi
 # What follows may be cut short, and then the folder is that of no list.
 rm -f "$stamp"
 # venv leaves links as they are, also those that lead to a Python that is gone.
-runs || rm -f "$folder"/bin/python "$folder"/bin/python3*
+for link in "$folder"/bin/python*; do
+    if [ -L "$link" ] && [ ! -e "$link" ]; then rm -f "$link"; fi
+done
 if ! python3 -m venv "$folder"; then
     found=$(python3 -c 'import importlib.util; print(importlib.util.find_spec("ensurepip") is not None)' 2>/dev/null || true)
     if [ "$found" = False ]; then fail "python3 has no ensurepip, which fills an environment; run: sudo apt-get install -y python3-venv"; fi

@@ -53,7 +53,8 @@ case "$machine" in x86_64 | aarch64) ;; *) fail "no MuJoCo wheel for $machine; x
 
 making=third_party/.making.$$
 wheels=$(mktemp -d)
-trap 'rm -rf "$wheels" "$making" "$making.old"' EXIT
+# Whoever is stopped between the last two lines leaves the old folder in its place.
+trap 'if [ ! -e "$out" ] && [ -e "$making.old" ]; then mv -T "$making.old" "$out"; fi; rm -rf "$wheels" "$making" "$making.old"' EXIT
 echo "setup: fetching MuJoCo $version and the Control Suite's models"
 # --require-hashes: what arrives is what was pinned, or nothing.
 python3 -m pip download --quiet --disable-pip-version-check --no-deps --require-hashes --only-binary=:all: \

@@ -162,7 +162,6 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
         check_planned(&resumed, options)?;
     }
     let jobs = jobs_of(run.source.episodes(options), &writer, run.threads);
-    let threads = run.threads.min(cores()).clamp(1, jobs.len().max(1));
     let shared = Shared {
         path,
         stage,
@@ -173,7 +172,7 @@ pub fn record(path: &Path, run: &RecordRun<'_>, report: &(dyn Fn(Progress) + Syn
         rows: AtomicU64::new(0),
     };
     shared.tell();
-    shared.queue.share(threads, || Worker::new(&shared).and_then(|mut worker| worker.work()));
+    shared.queue.share(run.threads, || Worker::new(&shared).and_then(|mut worker| worker.work()));
     let failure = shared.queue.into_failure();
     let recording = writer.finish();
     // What went wrong first is what to say, even when the manifest could not be completed after it.

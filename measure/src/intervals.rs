@@ -1,4 +1,4 @@
-//! How sure a number is: bootstrap intervals over trajectories, Student intervals over runs, and a jackknife for what compares a grid's cells with each other.
+//! How sure a number is: bootstrap intervals over trajectories, Student intervals over runs, and a jackknife for what compares rows with each other.
 //!
 //! Rows of one trajectory are not independent, so trajectories are what is drawn again or left out, never rows. On a grid there are two kinds of them, and
 //! a number must hold for other states *and* for other distractors: both are drawn again, each with replacement, and a cell counts as often as its state

@@ -140,7 +140,7 @@ fn of_grid(grid: &Grid<'_>, options: &GridOptions) -> Result<Vec<Number>, Error>
     numbers.push(number("distractor_share".to_owned(), split.distractor, noise.distractor));
     numbers.push(number("interaction_share".to_owned(), split.interaction, noise.interaction));
     numbers.push(number("within_state_share".to_owned(), split.within_state, noise.within_state));
-    numbers.push(number("denoising_factor".to_owned(), denoising_factor(grid, &mut rng())?, 0.0));
+    numbers.push(number("denoising_factor".to_owned(), denoising_factor(grid)?, 0.0));
     numbers.push(number("effective_rank".to_owned(), effective_rank(grid)?, f64::NAN));
     Ok(numbers)
 }

@@ -291,16 +291,11 @@ fn alike(mut images: Vec<(usize, f64)>, image: f64, count: usize) -> Vec<(usize,
 }
 
 /// Latent distances of rotated pairs against those of the rows they are matched with. Intervals leave each trajectory out in turn, with its pairs and as what others are compared with
-/// ([`crate::intervals::jackknife`]): they need three of every kind that there are several of, and three without which the number is another, if there are any. Views of one episode ([`Table::with_origin`]) go together. The generator is not used: nothing is drawn.
+/// ([`crate::intervals::jackknife`]): they need three of every kind that there are several of, and three without which the number is another, if there are any. Views of one episode ([`Table::with_origin`]) go together.
 ///
 /// # Errors
 /// Latents that do not vary.
-pub fn symmetry(
-    table: &Table<'_>,
-    matches: &Matches,
-    options: SymmetryOptions,
-    _rng: &mut impl Rng,
-) -> Result<Symmetry, Error> {
+pub fn symmetry(table: &Table<'_>, matches: &Matches, options: SymmetryOptions) -> Result<Symmetry, Error> {
     let space = Space::new(*table, options.metric)?;
     let trajectories = table.trajectories();
     let part = |found: &Match| left_out::part(&space, found, options.matched, &trajectories);

@@ -48,7 +48,12 @@ pub(crate) fn bounds(min: &[f32], max: &[f32]) -> Result<(), String> {
         &format!("have a bound for each of the {} of action_min", min.len()),
     )?;
     let ordered = |(low, high): (&f32, &f32)| low.is_finite() && high.is_finite() && low <= high;
-    must(min.iter().zip(max).all(ordered), "action_min", min, &format!("be finite and below action_max, {max:?}"))
+    must(
+        min.iter().zip(max).all(ordered),
+        "action_min",
+        min,
+        &format!("be finite and not above action_max, {max:?}, which must be finite too"),
+    )
 }
 
 /// That what is seen lies within a picture that memory holds.

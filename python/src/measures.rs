@@ -166,8 +166,8 @@ impl Table {
         beside(py, shares, ("by_step", &split.by_step))
     }
 
-    fn denoising_factor<'py>(&self, py: Python<'py>, seed: u64) -> PyResult<Bound<'py, PyAny>> {
-        plain(py, &unlocked(py, || denoising_factor(&self.grid()?, &mut ChaCha8Rng::seed_from_u64(seed)))?)
+    fn denoising_factor<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        plain(py, &unlocked(py, || denoising_factor(&self.grid()?))?)
     }
 
     fn retrieval<'py>(
@@ -327,7 +327,7 @@ impl Table {
             };
             let pairs = rotated_pairs(&table, &states, options, &mut rng)?;
             let matches = matches(&table, &states, &pairs, apart, options, &mut rng)?;
-            symmetry(&table, &matches, options, &mut rng)
+            symmetry(&table, &matches, options)
         })?;
         let numbers = [
             number("symmetry_ratio", found.ratio, 1.0),

@@ -339,6 +339,7 @@ def test_wrong_episodes_are_refused_and_leave_nothing(tmp_path):
     kinds = [
         ({"control_timestep": "fast"}, "the spec's control_timestep 'fast'; right is a number"),
         ({"control_timestep": True}, "the spec's control_timestep True; right is a number"),
+        ({"control_timestep": np.True_}, "the spec's control_timestep .*True.*; right is a number"),
         ({"size": (64, 64)}, r"the spec's size, one side of its square pictures, \(64, 64\); right is a whole number"),
         ({"qpos": 0.5}, "the spec's qpos 0.5; right is a whole number"),
         ({"action_repeat": "2"}, "the spec's action_repeat '2'; right is a whole number"),

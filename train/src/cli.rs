@@ -78,11 +78,9 @@ pub(crate) fn main() -> ExitCode {
 fn judge(error: &anyhow::Error) -> Ending {
     match error.downcast_ref() {
         Some(TrainError::Options(_)) => Ending::Wrong,
-        Some(
-            TrainError::Stopped
-            | TrainError::Data(vibes_data::Error::Owned { .. })
-            | TrainError::World(vibes_env::Error::Stopped),
-        ) => Ending::Again,
+        Some(TrainError::Data(vibes_data::Error::Owned { .. }) | TrainError::World(vibes_env::Error::Stopped)) => {
+            Ending::Again
+        }
         _ => Ending::Failed,
     }
 }

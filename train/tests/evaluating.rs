@@ -107,6 +107,27 @@ fn an_evaluation_between_checkpoints_is_made_after_the_stop() {
     assert_eq!(state(&run), (vec![3, 4, 5], vec![3, 5]));
 }
 
+/// Who fits a critic asks more often than who fits none.
+#[test]
+fn a_stop_is_heard_while_the_critic_of_the_gaps_is_fitted() {
+    let folder = tempfile::tempdir().unwrap();
+    let evaluated = |name: &str, gap_updates: u64, stop_at: Option<usize>| {
+        let folder = folder.path().join(name);
+        let mut setup = Setup::new(&folder, 2, "updates = 2\ncheckpoint_every = 2\nlog_every = 2");
+        setup.held_out.gap_updates = gap_updates;
+        let mut asked = 0;
+        let end = setup.go_on(&folder.join("run"), &mut |event| {
+            let is_asked = matches!(event, Event::Judging);
+            asked += usize::from(is_asked);
+            if is_asked && stop_at == Some(asked) { Go::Stop } else { Go::On }
+        });
+        (end, asked, state(&folder.join("run")).1)
+    };
+    let (end, without, _) = evaluated("without", 0, None);
+    assert_eq!(end, End::Updates);
+    assert_eq!(evaluated("with", 25, Some(without + 1)), (End::Stopped, without + 1, Vec::new()));
+}
+
 /// Waits until it is so, or the process has ended, or too much time has passed.
 fn wait_until(process: &mut Child, is_so: impl Fn() -> bool) {
     let begun = Instant::now();
@@ -116,7 +137,7 @@ fn wait_until(process: &mut Child, is_so: impl Fn() -> bool) {
 }
 
 #[test]
-fn a_signal_is_heard_while_the_critic_of_the_gaps_is_fitted() {
+fn a_signal_is_heard_during_an_evaluation() {
     let folder = tempfile::tempdir().unwrap();
     synthetic::recording(&folder.path().join("coins"), synthetic::SIDE, 4, 20, false);
     synthetic::recording(&folder.path().join("grid"), synthetic::SIDE, 6, 20, true);

@@ -2,12 +2,14 @@
 
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
+mod process;
 mod sweep_plan;
 mod synthetic;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use process::text;
 use sweep_plan::{PLAN, PROGRAM, command, folder, said, script, states, wait_for, write_plan};
 use vibes_data::FolderLock;
 
@@ -49,10 +51,6 @@ fn sweep(program: &Path, folder: &Path) -> Output {
     let mut command = Command::new(program);
     command.args(["sweep", "plan.toml", "--index", "0"]).current_dir(folder).env("RAYON_NUM_THREADS", "1");
     command.output().unwrap()
-}
-
-fn text(output: &Output) -> String {
-    String::from_utf8_lossy(&[&output.stdout[..], &output.stderr].concat()).into_owned()
 }
 
 fn mark(run: &Path) -> serde_json::Value {

@@ -131,16 +131,16 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
         (Excluded::Row, _) => Exclude::Itself,
         _ => Exclude::Trajectory,
     };
-    let (found, constant) = {
+    let (found, constant, error) = {
         let space = Space::new(session.table()?, options.metric)?;
-        (nearest(&space, &queries, options.k, exclude)?, space.constant_dims().to_vec())
+        let found = nearest(&space, &queries, options.k, exclude)?;
+        let of = |frames: &Frames| state_error_of(&session, frames, &space, &queries, (&found, exclude));
+        let error = frames.as_ref().and_then(of);
+        (found, space.constant_dims().to_vec(), error)
     };
     if !constant.is_empty() && options.metric == Metric::Standardized {
         session.remark(format!("latent dimensions {constant:?} are constant and were left out of the distance"));
     }
-    let error = frames
-        .as_ref()
-        .and_then(|frames| state_error_of(&session, frames, &queries, (&found, exclude, options.metric)));
     write_numbers(options, excluded, &mut session, &queries, &found, error)?;
     let line = draw(options, &mut session, frames.as_ref(), &queries, &found)?;
     let error = error.map_or_else(String::new, |e| {
@@ -153,12 +153,12 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
 fn state_error_of(
     session: &Session,
     frames: &Frames,
+    space: &Space<'_>,
     queries: &[usize],
-    (found, exclude, metric): (&Neighbours, Exclude<'_>, Metric),
+    (found, exclude): (&Neighbours, Exclude<'_>),
 ) -> Option<StateError> {
     let states = frames.task_state(&session.latents);
-    let space = Space::new(session.table().ok()?, metric).ok()?;
-    state_error(&space, &states, queries, found, exclude, &mut session.rng())
+    state_error(space, &states, queries, found, exclude, &mut session.rng())
 }
 
 /// The rows to query, by index: those named, or drawn.

@@ -90,11 +90,11 @@ pub(super) fn run(options: &Options, globals: &Globals) -> anyhow::Result<Outcom
     };
     let table = rows.table()?;
     let drawn = matches(&table, &all_states, &pairs, |a, b| rows.image_distance(a, b), asked, &mut rng)?;
-    let measured = symmetry(&table, &drawn, asked, &mut session.rng())?;
+    let measured = symmetry(&table, &drawn, asked)?;
     let (dims, actions) = rows.past_actions();
-    let of_actions = symmetry(&rows.table_of(dims, &actions)?, &drawn, asked, &mut session.rng()).ok();
+    let of_actions = symmetry(&rows.table_of(dims, &actions)?, &drawn, asked).ok();
     let distances = ReacherState::distance_table(&all_states);
-    let of_distance = symmetry(&rows.table_of(1, &distances)?, &drawn, asked, &mut session.rng()).ok();
+    let of_distance = symmetry(&rows.table_of(1, &distances)?, &drawn, asked).ok();
     let numbers = numbers(&measured, of_actions.as_ref());
     let groups = groups(&measured, of_actions.as_ref(), of_distance.as_ref());
     let bars = Bars { heading: session.heading("Is the latent symmetric under rotation?"), groups };

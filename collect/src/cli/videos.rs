@@ -1,4 +1,4 @@
-//! `--videos` as typed, for every verb that draws. In: what stands behind it. Out: where the videos come from.
+//! `--videos` as typed, for recording, `render` and `preview`. In: what stands behind it. Out: where the videos come from.
 
 use std::path::Path;
 

@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::acting::{Actor, Stage};
 use super::queue::Queue;
-use super::{Progress, RecordRun, cores};
+use super::{Progress, RecordRun};
 use crate::returns::Returns;
 use crate::{Error, Result};
 use vibes_env::{PolicyMix, StateTrajectory};
@@ -45,8 +45,7 @@ pub fn evaluate(run: &RecordRun<'_>, place: &Path, report: &(dyn Fn(Progress) + 
         earned: Mutex::default(),
         rows: AtomicU64::new(0),
     };
-    let threads = run.threads.min(cores()).clamp(1, (wanted as usize).max(1));
-    evaluation.queue.share(threads, || evaluation.work());
+    evaluation.queue.share(run.threads, || evaluation.work());
     let earned = evaluation.earned.into_inner().unwrap_or_else(PoisonError::into_inner);
     match evaluation.queue.into_failure() {
         Some(error) => Err(error),

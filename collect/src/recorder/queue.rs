@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::vec::IntoIter;
 
+use super::cores;
 use crate::{Error, Result};
 
 /// Jobs that several threads take.
@@ -29,8 +30,10 @@ impl<'a, Job: Send> Queue<'a, Job> {
         self.jobs.lock().unwrap_or_else(PoisonError::into_inner).next()
     }
 
-    /// Lets so many threads do `work`, which takes jobs until there are none.
+    /// Lets so many threads do `work`, which takes jobs until there are none: no more than there are cores or jobs.
     pub(super) fn share(&self, threads: usize, work: impl Fn() -> Result<()> + Sync) {
+        let jobs = self.jobs.lock().unwrap_or_else(PoisonError::into_inner).len();
+        let threads = threads.min(cores()).clamp(1, jobs.max(1));
         std::thread::scope(|scope| {
             for _ in 0..threads {
                 scope.spawn(|| self.fail_on(work()));

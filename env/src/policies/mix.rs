@@ -20,8 +20,8 @@ impl PolicyMix {
         Self(vec![(policy, 1.0)])
     }
 
-    /// Reads a mix that was written (`to_string`), with its shares to the last bit: a sum that is 1 but for rounding must not be divided by again, since other shares
-    /// may break a tie between two policies the other way. What people type is for [`FromStr`].
+    /// Reads a mix that was written (`to_string`), with its shares to the last bit, by which a tie between two policies may be broken; which of them decide, [`PolicyMix::policy`]
+    /// knows. What people type is for [`FromStr`].
     ///
     /// # Errors
     /// [`Error::Policy`] for text that is no mix.

@@ -13,7 +13,6 @@
 //! Three sums for each cell are enough for that, whatever the size of the grid: distances are the same in both directions, so that those to a line of cells
 //! are those from it, and only pairs within a left-out distractor are counted on both sides.
 
-use rand::Rng;
 use rayon::prelude::*;
 
 use super::Grid;
@@ -29,11 +28,11 @@ const PAIRS: usize = 200_000_000;
 const ROUNDING: f64 = 1e-12;
 
 /// The denoising factor, with an interval over state and distractor trajectories: each is left out in turn, as anchor and as what anchors are compared with
-/// (see [`crossed`]). None with fewer than three of either kind. Nothing is drawn and the generator is not used: it is asked for as by the other measures of a grid, so that all are called alike.
+/// (see [`crossed`]). None with fewer than three of either kind.
 ///
 /// # Errors
 /// Latents that do not vary.
-pub fn denoising_factor(grid: &Grid<'_>, _rng: &mut impl Rng) -> Result<Interval, Error> {
+pub fn denoising_factor(grid: &Grid<'_>) -> Result<Interval, Error> {
     let (states, distractors, steps) = (grid.states().len(), grid.distractors().len(), grid.steps().len());
     let cells = states * distractors;
     let cut = Cut::new(grid);

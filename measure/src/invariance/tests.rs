@@ -208,15 +208,15 @@ fn intervals_of_retrieval_know_that_distractors_were_drawn() {
 #[test]
 fn the_denoising_factor_of_known_distances_is_the_formula() {
     let rows = Rows::new(3, 3, 4, |i, j, t| vec![(10 * i + j) as f32, 1000.0 * t as f32]);
-    let found = denoising_factor(&Grid::new(rows.table()).unwrap(), &mut generator(0)).unwrap();
+    let found = denoising_factor(&Grid::new(rows.table()).unwrap()).unwrap();
     let (same, other) = (4.0 / 3.0, 40.0 / 3.0);
     assert!((found.estimate - (other - same) / (other + same)).abs() < 1e-6, "{found:?}");
     assert!(found.low <= found.estimate && found.estimate <= found.high);
     let invariant = Rows::new(3, 3, 4, |i, _, t| vec![i as f32, t as f32]);
-    assert_eq!(denoising_factor(&Grid::new(invariant.table()).unwrap(), &mut generator(0)).unwrap().estimate, 1.0);
+    assert_eq!(denoising_factor(&Grid::new(invariant.table()).unwrap()).unwrap().estimate, 1.0);
     let mut rng = generator(1);
     let noise = Rows::new(6, 6, 40, |_, _, _| (0..3).map(|_| rng.random_range(-1.0..1.0)).collect());
-    let of_noise = denoising_factor(&Grid::new(noise.table()).unwrap(), &mut generator(0)).unwrap();
+    let of_noise = denoising_factor(&Grid::new(noise.table()).unwrap()).unwrap();
     assert!(of_noise.estimate.abs() < 0.01, "{of_noise:?}");
 }
 

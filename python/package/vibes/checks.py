@@ -43,7 +43,7 @@ def _between(number: Any, what: str, least: int, most: int, right: str) -> int:
 def checked_real(number: Any, what: str) -> float:
     """A number, or what would be one. Text is none, even where Python could read it, and neither are True and False."""
     try:
-        if not isinstance(number, (str, bytes, bool)):
+        if not isinstance(number, (str, bytes, bool, np.bool_)):
             return float(number)
     except (TypeError, ValueError, OverflowError):
         pass
@@ -51,7 +51,7 @@ def checked_real(number: Any, what: str) -> float:
 
 
 def checked_flag(flag: Any, what: str) -> bool:
-    """True or False, also as 1 and 0 or as an array of one of them, or what would be right. To Python anything has a truth value: "no" would be True."""
+    """True or False, also as 1 and 0 or as a numpy number or array without dimensions, or what would be right. To Python anything has a truth value: "no" would be True."""
     if isinstance(flag, bool):
         return flag
     array = checked_array(what, flag, "True or False")

@@ -162,9 +162,9 @@ def variance_shares(table: Table) -> Numbers:
     return table._native.variance_shares()
 
 
-def denoising_factor(table: Table, *, seed: int = 0) -> Numbers:
+def denoising_factor(table: Table) -> Numbers:
     """How much of the distance between two states' latents the distractors do not add; an interval. measure/src/invariance/denoising.rs defines it."""
-    return table._native.denoising_factor(checked_seed(seed))
+    return table._native.denoising_factor()
 
 
 def retrieval(table: Table, *, among: str = "same_step", k: int = 1, tolerance: int = 2, queries: int = 2000, seed: int = 0) -> Numbers:

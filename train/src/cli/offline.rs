@@ -115,7 +115,7 @@ fn tell_evaluated(run: &Run, grid: &Path) {
     let (path, grid) = (run.path().display(), grid.display());
     match run.checkpoints().last() {
         Some(made) => eprintln!(
-            "note: --eval has nothing to do: the run is done, and was evaluated after its {made} updates; to evaluate it anew: vibes-train evaluate {path} {grid}"
+            "note: --eval has nothing to do: the run is done, and was evaluated after its {made} updates, on this grid or another; to evaluate it on this one: vibes-train evaluate {path} {grid}"
         ),
         None => eprintln!("note: --eval has nothing to do: no update was made"),
     }

@@ -69,7 +69,10 @@ impl OnlineProgress {
             options.fewest_updates(info.options.length * info.options.batch, !prepared.given.is_empty()),
         );
         if critic >= updates {
-            self.say(&format!("the actor will not move: the critic has the first {critic} updates (--critic-first), and about {updates} are made {}", options.where_fewest()));
+            self.say(&format!(
+                "the actor will not move for {critic} updates (--critic-first), and about {updates} are made {}",
+                options.where_fewest()
+            ));
         }
     }
 

@@ -55,7 +55,7 @@ impl AgentOptions {
         }
     }
 
-    /// These for a run that was begun with `found`, whose numbers that no option says stay.
+    /// These for a run that was begun with `found`, whose numbers that no option says stay, of systems that look at stacks.
     #[must_use]
     pub fn going_on(self, found: &Self) -> Self {
         match (self, found) {

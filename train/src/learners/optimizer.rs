@@ -7,7 +7,7 @@ use std::path::Path;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Device, Gradients, Tensor, TensorData};
 use vibes_model::kernels::{Adam, Moments, sum_of_squares};
-use vibes_model::parameters::{HostTensor, HostTensors, to_values};
+use vibes_model::parameters::{HostTensor, HostTensors, read_parameters, to_values};
 
 use crate::error::{Result, malformed};
 
@@ -131,9 +131,8 @@ pub type Counts = BTreeMap<String, usize>;
 
 /// The [`Counts`] of a module.
 pub fn counts<M: Module>(module: &M) -> Counts {
-    let mut counter = Counter { path: Vec::new(), counts: Counts::new() };
-    module.visit(&mut counter);
-    counter.counts
+    let of = |(name, tensor): (String, HostTensor)| Some((name.strip_prefix("of.")?.to_owned(), tensor.values.len()));
+    read_parameters(module, "of").into_iter().filter_map(of).collect()
 }
 
 /// Tensors of one kind, by the names of their parameters.
@@ -178,23 +177,6 @@ fn begun_after(
         all.insert((*name).to_owned(), begun as u64);
     }
     Ok(all)
-}
-
-struct Counter {
-    path: Vec<String>,
-    counts: Counts,
-}
-
-impl ModuleVisitor for Counter {
-    fn enter_module(&mut self, name: &str, _container_type: &str) {
-        self.path.push(name.to_owned());
-    }
-    fn exit_module(&mut self, _name: &str, _container_type: &str) {
-        self.path.pop();
-    }
-    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-        self.counts.insert(self.path.join("."), param.val().shape().num_elements());
-    }
 }
 
 struct Taker<'a> {

@@ -208,7 +208,7 @@ fn short(value: &str) -> String {
     if value.len() <= LONGEST && !value.is_empty() && value.chars().all(is_plain) {
         return value.to_owned();
     }
-    vibes_data::sha256_hex(value.as_bytes())[..12].to_owned()
+    super::digest(value)
 }
 
 /// A word with its placeholders filled in.

@@ -24,7 +24,7 @@ fn measured(rows: &Rows, k: usize) -> [Interval; 3] {
     let grid = Grid::new(rows.table()).unwrap();
     let options = RetrievalOptions { k, tolerance: 0, ..RetrievalOptions::default() };
     [
-        denoising_factor(&grid, &mut generator(0)).unwrap(),
+        denoising_factor(&grid).unwrap(),
         retrieval_same_step(&grid, k, &mut generator(0)).unwrap().found,
         retrieval_any_step(&grid, options, &mut generator(0)).unwrap().found,
     ]
@@ -56,7 +56,7 @@ fn the_factor_without_a_trajectory_is_that_of_the_grid_without_it() {
                 rows.state[row] = None;
             }
         }
-        denoising_factor(&Grid::new(rows.table()).unwrap(), &mut generator(0)).unwrap()
+        denoising_factor(&Grid::new(rows.table()).unwrap()).unwrap()
     };
     let by_state: Vec<f64> = (0..8).map(|out| left(&|state, _| state == Some(out)).estimate).collect();
     let by_distractor: Vec<f64> = (0..6).map(|out| left(&|_, distractor| distractor == Some(out)).estimate).collect();

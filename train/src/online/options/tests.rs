@@ -100,6 +100,7 @@ fn beginning_anew_is_due_once_at_each_of_its_control_steps_and_not_at_the_end() 
         refused(vec![20_001, 21_000], 60_000).contains("--reset-at has 21000"),
         "both are at the end of one episode"
     );
+    assert!(refused(vec![20_000, u64::MAX], 60_000).contains("--reset-at has 18446744073709551615"), "however far");
     OnlineOptions { reset_at: vec![5001, 6001], ..resets.clone() }.check_new(false).unwrap();
     assert_eq!(found.first_difference(&resets).map(|(key, ..)| flag(&key)).as_deref(), Some("reset-at"));
 }

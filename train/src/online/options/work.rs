@@ -90,10 +90,10 @@ impl OnlineOptions {
         let wrong = |text: String| Err(TrainError::Options(text));
         let mut before = random;
         for (at, end) in self.reset_at.iter().zip(self.reset_episodes()) {
-            if end * episode >= asked {
+            if end >= asked.div_ceil(episode) {
                 return wrong(format!(
                     "--reset-at has {at}, the episode of which ends after {}, and the run is over after {asked} control steps; it must be below that",
-                    end * episode
+                    end.saturating_mul(episode)
                 ));
             }
             if end <= before {
@@ -124,7 +124,7 @@ impl OnlineOptions {
         }
         let made = self.where_fewest();
         Err(TrainError::Options(format!(
-            "--critic-first is {critic}, and about {updates} updates are made {made}; it must be below that, or the actor never moves"
+            "--critic-first is {critic}, and about {updates} updates are made {made}; it must be below that, or the actor does not move"
         )))
     }
 
