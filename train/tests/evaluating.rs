@@ -10,7 +10,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use burn::tensor::Device;
-use process::{lines, program, text};
+use process::{lines, program, signal, text};
 use toml::Table;
 use vibes_data::{Recording, RunFolder};
 use vibes_train::fit::{End, Event, Go, HeldOut, fit};
@@ -159,7 +159,7 @@ fn a_signal_is_heard_during_an_evaluation() {
     };
     let mut process = command("100000000").stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
     wait_until(&mut process, || run.join("checkpoints/000002").exists());
-    nix::sys::signal::kill(nix::unistd::Pid::from_raw(process.id() as i32), nix::sys::signal::Signal::SIGTERM).unwrap();
+    signal(&process, "TERM");
     wait_until(&mut process, || false);
     // Ends it where it did not hear.
     let ended = process.try_wait().unwrap();

@@ -10,7 +10,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use burn::tensor::Device;
-use process::{assert_same, kill_until_done, lines, text};
+use process::{assert_same, kill_until_done, lines, signal, text};
 use serde_json::Value as Json;
 use vibes_data::{Latents, Recording, verify_recording};
 use vibes_env::distractors::Axes;
@@ -165,7 +165,7 @@ fn a_second_process_is_refused_with_the_owners_name_and_the_first_goes_on() {
     let second = command(&run, "sac-drq", LONG).output().unwrap();
     assert_eq!(second.status.code(), Some(75), "{}", text(&second));
     assert!(text(&second).contains(&format!("process {}", first.id())), "{}", text(&second));
-    nix::sys::signal::kill(nix::unistd::Pid::from_raw(first.id() as i32), nix::sys::signal::Signal::SIGTERM).unwrap();
+    signal(&first, "TERM");
     assert_eq!(first.wait().unwrap().code(), Some(75), "saved, to be started again");
     let last = command(&run, "sac-drq", 40).output().unwrap();
     assert!(last.status.success(), "{}", text(&last));

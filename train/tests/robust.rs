@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use process::{assert_same, program, text};
+use process::{assert_same, program, signal, text};
 use vibes_data::{Recording, RunFolder, verify_recording};
 
 /// Episodes of 40 agent steps from vectors, three of them random; a checkpoint every 40 updates.
@@ -173,7 +173,7 @@ fn a_second_process_is_refused_with_the_owners_name_and_the_first_goes_on() {
     wait_until(&mut first, || run.join("replay/episodes").exists());
     let owner = format!("process {}", first.id());
     fails(long(), 75, &[&owner]);
-    nix::sys::signal::kill(nix::unistd::Pid::from_raw(first.id() as i32), nix::sys::signal::Signal::SIGTERM).unwrap();
+    signal(&first, "TERM");
     assert_eq!(first.wait().unwrap().code(), Some(75), "saved, to be started again");
     succeeds(command(VECTORS, 240, &run));
     assert_sound(&run, 3);

@@ -2,6 +2,7 @@
 
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test")]
 
+mod process;
 mod sweep_plan;
 mod synthetic;
 
@@ -9,7 +10,8 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use sweep_plan::{PLAN, PROGRAM, command, folder, run, said, script, signal, states, wait_for, write_plan};
+use process::signal;
+use sweep_plan::{PLAN, PROGRAM, command, folder, run, said, script, states, wait_for, write_plan};
 
 /// Bytes of everything that a run holds and that may not depend on how it was run.
 fn results(run: &Path) -> Vec<Vec<u8>> {

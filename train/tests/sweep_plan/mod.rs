@@ -70,12 +70,6 @@ pub fn wait_for(child: &mut Child, moment: impl Fn() -> bool) {
     }
 }
 
-pub fn signal(child: &Child, name: &str) {
-    let signal = format!("SIG{name}").parse().unwrap();
-    nix::sys::signal::kill(nix::unistd::Pid::from_raw(child.id() as i32), Some::<nix::sys::signal::Signal>(signal))
-        .unwrap();
-}
-
 /// Writes an executable script.
 pub fn script(path: &Path, text: &str) {
     std::fs::write(path, text).unwrap();
